@@ -41,8 +41,8 @@ DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half
 """The middle of the dirt; pan and sweep are turned with it."""
 DIRT_HALF_M, PAN_Y_M = np.array([0.09675, 0.1356]), -0.25
 """How far crumbs lie from that middle, and the pan's offset from it (decoded from RLBench's task file)."""
-VARIED_AREA = PlacementArea(center_m=(0.15, -0.03), half_size_m=(0.09, 0.04), half_yaw_rad=np.deg2rad(15.0))
-HEAP_M, HEAP_HALF_M = ((0.11, 0.0), (0.125, 0.05)), np.array([0.03, 0.075])
+VARIED_AREA = PlacementArea(center_m=(0.16, -0.03), half_size_m=(0.08, 0.04), half_yaw_rad=np.deg2rad(15.0))
+HEAP_M, HEAP_HALF_M = ((0.12, 0.03), (0.125, 0.05)), np.array([0.03, 0.07])
 """In `varied`: the middle of the heap on the right, from the middle of the dirt; and how far crumbs lie from that of theirs."""
 VARIED_STAND_YAW_RAD = np.deg2rad(20.0)
 VARIED_BROOMS = tuple(replace(BROOM, height_m=height_m) for height_m in (0.33, 0.35, 0.37))
