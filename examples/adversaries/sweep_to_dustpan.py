@@ -1,4 +1,4 @@
-"""Sweep, alone: drive the pan under the dirt, pick the lumps up one by one, or sweep into a pan that nobody holds."""
+"""Sweep, alone: drive the pan under the dirt, pick the lumps up one by one, or sweep into a pan that no hand holds."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -83,7 +83,7 @@ def _room(place, turn_rad: float, others) -> float:
 
 
 def _sweep(env: BimanualEnv, arm: Arm, speed_m_s: float, yaw_rad: float) -> Moves:
-    """Sweep into a pan that nobody holds, slantwise and slowly, so that the lumps climb its lip one after the other."""
+    """Sweep into a pan that no hand holds, slantwise and slowly, so that the lumps climb its lip one after the other."""
     hand, scene = Hand(env, arm), env.scene
     x, y, _ = scene.pose(expert.BROOM.name).position
     pan = scene.pose(expert.PAN.name)
