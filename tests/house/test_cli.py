@@ -166,11 +166,10 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
         "perturb": "",
         "first_seed": 0,
         "episodes": 100,
-        "video": True,
         "task": "all",
     }
     exceptions: dict[tuple[str, str], object] = {("dataset generate", "split"): "train"}
-    exceptions |= {(f"task {what}", "episodes"): 1 for what in ("view", "render")}  # pictures of each
+    exceptions |= {("task view", "episodes"): 1}  # pictures of each
     exceptions[("policy robustness", "episodes")] = 20  # of some sixty conditions
     one_task = ("demo", "policy benchmark", "task view")
     exceptions |= {(command, "task"): "lift_ball" for command in one_task}
@@ -180,7 +179,7 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
         (f"{what} verify", "sample_seed"): None for what in ("dataset", "results")
     }  # drawn anew in every run
     kinds = {"root": Path, "checkpoint": Path, "output": Path, "results": Path, "expert_reports": Path}
-    kinds |= {"task": str, "episodes": int, "first_seed": int, "seed": int, "device": str, "video": bool}
+    kinds |= {"task": str, "episodes": int, "first_seed": int, "seed": int, "device": str}
     forbidden = {"dataset", "seeds", "size", "films", "film", "videos", "certificates", "control", "figure"}
     for flag in flags_of(CONFIGS[command]):
         assert field_comments(CONFIGS[command]).get(flag.name), flag.name

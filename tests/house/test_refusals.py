@@ -13,7 +13,6 @@ BASES = {
     "expert evaluate": {"task": "lift_ball"},
     "policy benchmark": {"output": "made", "dry_run": "true"},
     "policy robustness": {"checkpoint": "nowhere", "task": "lift_ball"},
-    "task render": {"task": "lift_ball", "output": "made"},
     "task view": {"task": "lift_ball"},
 }
 """Flags of commands that could be meant."""
@@ -59,11 +58,6 @@ REFUSED = {
         "eval_flags=--policy.depth='3": "a shell could not read",
     },
     "policy robustness": {"checkpoint=nowhere": "no checkpoint at nowhere", "axes=masse": "no checkpoint"},
-    "task render": {
-        "task=lift_bal": "Did you mean 'lift_ball'?",
-        "variation=7": "integer from 0 to 0",
-        "first_seed=-1": "at least 0",
-    },
     "task view": {
         "task=lift_bal": "Did you mean 'lift_ball'?",
         "variation=7": "variation of lift_ball is 7",
@@ -101,7 +95,6 @@ NEEDED = {
     "policy robustness": [CHECKPOINT, "--task=handover_item_easy"],
     "results diagnose": [ROWS],
     "results report": [ROWS],
-    "task render": ["--task=lift_ball"],
     "task view": ["--task=lift_ball", "--window=false"],
 }
 """Further flags of a command."""

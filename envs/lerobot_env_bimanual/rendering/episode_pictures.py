@@ -31,29 +31,25 @@ def write_pictures(
     rollouts: Mapping[str, Rollout[EpisodeOutcome]],
     stem: Path,
     camera: str = "front",
-    size: tuple[int, int] | None = None,
-    video: bool = True,
 ) -> list[Path]:
-    """Write a contact sheet and, if requested, a video.
+    """Write a video, in which players that ended earlier keep their last picture, and a contact sheet.
 
     Args:
         env: environment of all the rollouts; it is left in the last state that was rendered.
         rollouts: the same episode by name of the player, in the order from left to right and from top to bottom.
         stem: path of the files without their suffix; the folder is made.
         camera: name of the camera; a fixed one that is not perturbed turns and zooms to the hands and to what moves.
-        size: height and width of what it sees in pixels; by default `SIZE`.
-        video: whether there is a video; its players that ended earlier keep their last picture, and all do at the end.
 
     Returns:
-        The video, if there is one, and the sheet.
+        The video and the sheet.
 
     Raises:
         BimanualError: they cannot be written, or not be rendered.
     """
     stem.parent.mkdir(parents=True, exist_ok=True)
-    files, (_, outcome) = [], next(iter(rollouts.values()))
+    _, outcome = next(iter(rollouts.values()))
     is_single = len(rollouts) == 1
-    height, width = size or SIZE
+    height, width = SIZE
     moments = {
         player: _moments(outcome, len(recording.states) - 1, is_single)
         for player, (recording, outcome) in rollouts.items()
@@ -77,28 +73,25 @@ def write_pictures(
             verdict, color = ("success", GREEN) if episode.success else ("failure", RED)
             return Panel(rgb, f"{caption} - {verdict}", note, color)
 
-        if video:
-            lengths = {player: len(recording.states) for player, (recording, _) in rollouts.items()}
-            caption = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
-            writer = VideoWriter(stem.parent, stem.name, caption)
-            shown = lru_cache(2 * len(rollouts))(panel)
-            for tick in range(max(lengths.values())):
-                panels = [shown(player, min(tick, length - 1)) for player, length in lengths.items()]
-                frame = np.asarray(gallery(panels, len(panels), width if is_single else PANEL_WIDTH))
-                rows, columns = (side - side % 2 for side in frame.shape[:2])  # videos need even sides
-                writer.add(frame[:rows, :columns])
-            verdict = ("success" if outcome.success else "failure") if is_single else ""
-            written = writer.close(verdict, name=f"{stem.name}.mp4")
-            assert written is not None  # an episode has at least one state
-            files.append(written)
+        lengths = {player: len(recording.states) for player, (recording, _) in rollouts.items()}
+        caption = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
+        writer = VideoWriter(stem.parent, stem.name, caption)
+        shown = lru_cache(2 * len(rollouts))(panel)
+        for tick in range(max(lengths.values())):
+            panels = [shown(player, min(tick, length - 1)) for player, length in lengths.items()]
+            frame = np.asarray(gallery(panels, len(panels), width if is_single else PANEL_WIDTH))
+            rows, columns = (side - side % 2 for side in frame.shape[:2])  # videos need even sides
+            writer.add(frame[:rows, :columns])
+        verdict = ("success" if outcome.success else "failure") if is_single else ""
+        film = writer.close(verdict, name=f"{stem.name}.mp4")
+        assert film is not None  # an episode has at least one state
         panels = [panel(player, *moment) for player, shown in moments.items() for moment in shown]
     perturb, split = env.options.perturb, env.options.split
     facts = f"{split} seed {outcome.seed}, variation {outcome.variation}, {f'with {perturb}' if perturb else 'nominal'}"
     lines = (env.task_description, f"{facts}, seen from {camera}")
     sheet = contact_sheet(env.task, lines, panels, columns=COLUMNS if is_single else N_MOMENTS)
-    files.append(stem.with_name(f"{stem.name}.png"))
-    sheet.save(files[-1])
-    return files
+    sheet.save(path := stem.with_name(f"{stem.name}.png"))
+    return [film, path]
 
 
 def _moments(episode: EpisodeOutcome, last: int, is_single: bool) -> list[tuple[int, str]]:
