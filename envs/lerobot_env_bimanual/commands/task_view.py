@@ -35,7 +35,7 @@ class TaskViewConfig:
     camera: Literal["front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist"] = "front"
     # Of a video. On one CPU core a picture costs 300 ms with shadows and anti-aliasing (`high`), 25 ms without.
     quality: Literal["observation", "high"] = "observation"
-    output: Path = Path("outputs/view")  # folder of the videos and their contact sheets
+    output: Path = Path("outputs/view")  # folder of the videos
 
 
 def task_view(config: TaskViewConfig) -> None:
@@ -45,7 +45,7 @@ def task_view(config: TaskViewConfig) -> None:
     left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one
     before. Closing the window ends the command.
 
-    Where there is none, or with `--window=false`, a video and a contact sheet are written instead.
+    Where there is none, or with `--window=false`, a video is written instead.
 
     A policy sees the cameras and the image size that its checkpoint names. LeRobot calls whatever a checkpoint's files
     name, so one that `policy check` does not pass is refused unless `--trust_checkpoint` is given.
@@ -87,7 +87,7 @@ def _play(config: TaskViewConfig, reason: str) -> None:
     """Play in a window, or write videos if there is a reason why not."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
-    from lerobot_env_bimanual.rendering.episode_pictures import write_pictures
+    from lerobot_env_bimanual.rendering.film import write_film
     from lerobot_env_bimanual.rendering.rollout import rollout
 
     players = {"expert": expert()}
@@ -115,11 +115,11 @@ def _play(config: TaskViewConfig, reason: str) -> None:
         perturb = env.options.perturb.replace(":", "").replace(",", "_")
         episode = f"{env.task}_v{env.variation}_{config.split}_seed{seed}"
         name = "_".join(filter(None, (episode, setting, perturb, "_and_".join(players))))
-        files = write_pictures(env, rollouts, config.output / name, config.camera)
+        film = write_film(env, rollouts, config.output / name, config.camera)
         for name, (recording, outcome) in rollouts.items():
             verdict = "solved" if outcome.success else f"not solved: {outcome.failure}"
             print(f"{name}: {verdict} after {recording.duration_s:.1f} s")
-        print("\n".join(map(str, files)))
+        print(film)
     env.close()
 
 
