@@ -1,16 +1,13 @@
 """How long policies take: training steps and actions of the small recipes, and PerAct2 beside its reference.
 
 The reference (`examples/peract2_written_out.py`) is the method written out: it has the structure of PerAct2's published code and
-computes the same function of the same weights. Both run in turns; memory is the peak of resident memory beyond that
-before the call (Linux), or of what PyTorch allocates on a GPU.
+computes the same function of the same weights. Both run in turns.
 
     python benchmarks/policies.py                               # small policies on five 128 px cameras
     python benchmarks/policies.py --reference --voxels=50       # forward and backward pass of the paper's network
 """
 
 import argparse
-import ctypes
-import gc
 import json
 import sys
 import time
@@ -51,26 +48,6 @@ def seconds(job: Job, device: str) -> float:
     if device != "cpu":
         torch.cuda.synchronize()
     return clock() - start
-
-
-def peak_gb(job: Job, device: str) -> float:
-    """The memory that a call takes at most, beyond what was taken before."""
-    gc.collect()
-    if device != "cpu":
-        torch.cuda.reset_peak_memory_stats()
-        before = torch.cuda.memory_allocated()
-        job()
-        return (torch.cuda.max_memory_allocated() - before) / 1e9
-    ctypes.CDLL(None).malloc_trim(0)  # otherwise memory that earlier calls have freed would be used again
-    Path("/proc/self/clear_refs").write_text("5")  # the peak is counted from here
-    before = _peak_bytes()
-    job()
-    return (_peak_bytes() - before) / 1e9
-
-
-def _peak_bytes() -> int:
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM"))
 
 
 def random_batch(samples: int, image_size: int, device: str) -> dict[str, Any]:
@@ -136,14 +113,7 @@ def beside_reference(voxels: int, batch_size: int, rounds: int, device: str) -> 
     network.requires_grad_(True)
     times = [[seconds(job, device) for job in (ours, written_out)] for _ in range(rounds)]
     ours_s, written_s = (min(column) for column in zip(*times, strict=True))
-    ours_gb, written_gb = peak_gb(ours, device), peak_gb(written_out, device)
-    times_faster, memory = written_s / ours_s, ours_gb / written_gb
-    return {
-        "s": ours_s,
-        "reference, s": written_s,
-        "times faster": times_faster,
-        "memory, of the reference": memory,
-    }
+    return {"s": ours_s, "reference, s": written_s, "times faster": written_s / ours_s}
 
 
 def main() -> None:

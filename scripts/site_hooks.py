@@ -28,8 +28,6 @@ FILM = """
 ## Film of `{task}`
 
 <video controls muted loop playsinline preload="metadata"><source src="{name}.mp4" type="video/mp4"></video>
-
-![The expert's episode, at the start and at the end of every keypose]({name}.png)
 """
 
 
@@ -37,7 +35,7 @@ def on_files(files: Files, config: MkDocsConfig) -> None:
     """Add the pages from outside docs/, and the films."""
     for uri, source in SOURCES.items():
         files.append(File.generated(config, uri, content=(ROOT / source).read_text(encoding="utf-8")))
-    for film in FILMS.glob("*.*"):
+    for film in FILMS.glob("*.mp4"):
         files.append(File.generated(config, film.name, abs_src_path=str(film)))
 
 
@@ -74,12 +72,12 @@ def _film_experts() -> None:
         return
     print(f"filming {len(missing)} experts, about ten seconds each on one core", flush=True)
     program, made = Path(sys.executable).with_name("lerobot-bimanual"), ROOT / "build/render"
-    words = ["task", "render", f"--task={','.join(missing)}", "--quality=observation", f"--output={made}"]
-    subprocess.run([program, *words], check=True)
     FILMS.mkdir(parents=True, exist_ok=True)
     for task in missing:
-        for suffix in (".png", ".mp4"):
-            (made / f"{task}{suffix}").replace(FILMS / f"{_film_names()[task]}{suffix}")
+        words = ["task", "view", f"--task={task}", "--window=false", f"--output={made}"]
+        subprocess.run([program, *words], check=True)
+        (film,) = made.glob(f"{task}_v*.mp4")
+        film.replace(FILMS / f"{_film_names()[task]}.mp4")
 
 
 if __name__ == "__main__":

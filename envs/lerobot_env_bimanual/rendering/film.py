@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lerobot_bimanual.cameras import ROOM_CAMERA_NAMES
-from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.rendering.rollout import Rollout
 from lerobot_env_bimanual.rendering.viewpoint import frame_of
@@ -47,9 +46,7 @@ class Panel:
     color: tuple[int, int, int] = INK
 
 
-def write_film(
-    env: BimanualEnv, rollouts: Mapping[str, Rollout[EpisodeOutcome]], stem: Path, camera: str = "front"
-) -> Path:
+def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, camera: str = "front") -> Path:
     """Write a video, in which players that ended earlier keep their last picture.
 
     Args:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
@@ -37,30 +34,20 @@ class Recording:
         return (len(self.states) - 1) * TICK_S
 
 
-type Rollout[Outcome: Episode] = tuple[Recording, Outcome]
+type Rollout = tuple[Recording, EpisodeOutcome]
 """States of an episode, and what became of it."""
 
 
-@contextmanager
-def recorded(env: BimanualEnv) -> Iterator[Recording]:
-    """Record every state of the episode that is played inside the context."""
-    recording = Recording()
-    with env.observed_by(lambda env, _: recording.note(env)):
-        yield recording
-    recording.note(env)
-
-
-def rollout(
-    env: BimanualEnv, seed: int, player: Player, variation: int | None = None
-) -> Rollout[EpisodeOutcome]:
+def rollout(env: BimanualEnv, seed: int, player: Player) -> Rollout:
     """Play an episode, and keep every state of it.
 
     Args:
         env: environment whose control mode takes the player's actions.
         seed: seed of the reset.
         player: expert or policy.
-        variation: index; None leaves it to the environment's options.
     """
-    with recorded(env) as recording:
-        outcome = run_episode(env, seed, player, variation=variation)
+    recording = Recording()
+    with env.observed_by(lambda env, _: recording.note(env)):
+        outcome = run_episode(env, seed, player)
+    recording.note(env)
     return recording, outcome
