@@ -167,9 +167,7 @@ class _Bodies:
         model, pair = scene.model, scene.arm_pair
         part, root = model.body_weldid, model.body_rootid
         movable = np.where(part[root] != 0, root, part)
-        self._body_of_geom = movable[model.geom_bodyid]
-        for arm in ARMS:
-            self._body_of_geom[scene.geoms(pair.base_body(arm))] = 0
+        self._body_of_geom = np.where(scene.arm_of_body < 0, movable, 0)[model.geom_bodyid]
         self._hands = {arm: scene.geoms(pair.hand_body(arm)) for arm in ARMS}
         self._fingers = {arm: [scene.geoms(finger) for finger in pair.finger_names(arm)] for arm in ARMS}
 

@@ -53,7 +53,7 @@ class CollisionChecker:
         self._scene = scene
         self._model = copy.copy(scene.model)
         self._data = mujoco.MjData(self._model)
-        self._owner = _owners(scene)
+        self._owner = scene.arm_of_body
         # Both, as MuJoCo discards pairs of bodies before it looks at their geoms.
         self._model.body_margin[self._owner >= 0] = CLEARANCE_M
         self._model.geom_margin[self._owner[self._model.geom_bodyid] >= 0] = CLEARANCE_M
@@ -174,12 +174,3 @@ def _allow(least: Array, pairs: NDArray[np.int32]) -> None:
     """Pairs of bodies (n, 2) may be as close as they like."""
     least[pairs[:, 0], pairs[:, 1]] = NEVER
     least[pairs[:, 1], pairs[:, 0]] = NEVER
-
-
-def _owners(scene: SceneView) -> NDArray[np.int64]:
-    """Index of the arm that each body belongs to, (nbody,); -1 for world and props."""
-    owner = np.full(scene.model.nbody, -1)
-    for arm in ARMS:
-        base = scene.model.body(scene.arm_pair.base_body(arm)).id
-        owner[scene.model.body_rootid == base] = arm.ordinal
-    return owner

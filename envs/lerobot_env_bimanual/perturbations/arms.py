@@ -92,11 +92,9 @@ def _draw_posture(start: Start) -> None:
 
 def _arms_touch(scene: Scene) -> bool:
     """Whether an arm touches anything, itself included."""
-    model = scene.model
-    bases = [model.body(scene.arm_pair.base_body(arm)).id for arm in ARMS]
     contact = scene.data.contact
-    roots = model.body_rootid[model.geom_bodyid[contact.geom.reshape(-1, 2)]]
-    return bool((np.isin(roots, bases).any(axis=1) & (contact.dist < 0)).any())
+    arms = scene.arm_of_body[scene.model.geom_bodyid[contact.geom.reshape(-1, 2)]]
+    return bool(((arms >= 0).any(axis=1) & (contact.dist < 0)).any())
 
 
 register(Axis(**data("start_posture"), begin=_draw_posture))

@@ -48,8 +48,7 @@ def free_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
 def joints_of_props(scene: SceneView) -> NDArray[np.bool_]:
     """(njnt,) hinges and slides that are not the arms': of doors, drawers, buttons and lids."""
     model = scene.model
-    bases = [model.body(scene.arm_pair.base_body(arm)).id for arm in ARMS]
-    return np.isin(model.jnt_type, HINGED) & ~np.isin(model.body_rootid[model.jnt_bodyid], bases)
+    return np.isin(model.jnt_type, HINGED) & (scene.arm_of_body[model.jnt_bodyid] < 0)
 
 
 def _free_roots_of_spec(model: mujoco.MjSpec) -> list[mujoco.MjsBody]:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, quat_wxyz_to_matrix
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axis import Axis, Start, data, register
@@ -115,9 +114,8 @@ def _own_colours(scene: SceneView, worn: NDArray) -> NDArray:
 
 def _of_props(scene: SceneView) -> NDArray[np.bool_]:
     """(ngeom,) geoms of neither room nor arms."""
-    model = scene.model
-    others = [0, *(model.body(scene.arm_pair.base_body(arm)).id for arm in ARMS)]
-    return ~np.isin(model.body_rootid[model.geom_bodyid], others)
+    bodies = scene.model.geom_bodyid
+    return (scene.model.body_rootid[bodies] != 0) & (scene.arm_of_body[bodies] < 0)
 
 
 register(Axis(**data("object_colour"), look=_recolour_props))

@@ -34,10 +34,9 @@ def frame_of(scene: Scene, camera: str, states: Sequence[SceneState], size: tupl
     for state, places in zip(states, places_m, strict=True):
         scene.restore_state(state)
         places[:] = scene.data.xipos
-    is_arm = np.any([scene.bodies(scene.arm_pair.base_body(arm)) for arm in ARMS], axis=0)
     is_hand = np.any([scene.bodies(scene.arm_pair.hand_body(arm)) for arm in ARMS], axis=0)
     # The hands come from far above.
-    things_m, hands_m = places_m[:, _moved(places_m) & ~is_arm], places_m[1:, is_hand]
+    things_m, hands_m = places_m[:, _moved(places_m) & (scene.arm_of_body < 0)], places_m[1:, is_hand]
     points_m = np.concatenate([things_m.reshape(-1, 3), hands_m.reshape(-1, 3)])
     eye, half = scene.data.cam_xpos[index], np.tan(np.deg2rad(model.cam_fovy[index]) / 2)
     axes, sides = scene.data.cam_xmat[index].reshape(3, 3), []

@@ -49,9 +49,7 @@ class ContactForces:
 
     def __init__(self, scene: SceneView):
         self._scene = scene
-        self._arm_of_geom = np.full(scene.model.ngeom, NONE)
-        for arm in ARMS:
-            self._arm_of_geom[scene.geoms(scene.arm_pair.base_body(arm))] = arm.ordinal
+        self._arm_of_geom = scene.arm_of_body[scene.model.geom_bodyid]
         self._steps = 0
         self._noted: dict[int, _Contacts] = {}
 

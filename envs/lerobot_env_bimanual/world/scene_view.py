@@ -39,6 +39,7 @@ class SceneView:
         setting: as given.
         data: its state; read it freely, change it only through the methods of a subclass.
         arm_pair: as given.
+        arm_of_body: (nbody,) number of the arm that each body belongs to; -1 for the room and props.
         appearance: how it looks where that differs from the model, and where its cameras are.
     """
 
@@ -53,6 +54,8 @@ class SceneView:
         self.model, self.props, self.setting = model, tuple(props), setting
         self.data = mujoco.MjData(model)
         self.arm_pair = arm_pair
+        bases = [model.body_rootid == model.body(arm_pair.base_body(arm)).id for arm in ARMS]
+        self.arm_of_body = np.select(bases, [arm.ordinal for arm in ARMS], -1)
         self.appearance = NOMINAL
         self._commanded = commanded
         self._geoms_of: dict[str | tuple[str, ...], NDArray[np.bool_]] = {}
