@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import VIEWS, View
+from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.errors import check_range
-from lerobot_bimanual.resources import worker_count
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
@@ -20,15 +19,6 @@ from lerobot_env_bimanual.tasks.registry import resolve_tasks
 if TYPE_CHECKING:
     from lerobot_env_bimanual.generation.build import Executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
-
-START_S, EPISODE_S = 20.0, 0.7
-VIEW_S: dict[View, float] = {"frames": 1.9, "keyframes": 0.4}
-VIEW_MB: dict[View, tuple[float, float]] = {"frames": (1.1, 4.5), "keyframes": (0.2, 1.4)}
-"""Seconds of start and merge, seconds per episode of one processor, without images and for the images of a view, and
-megabytes per episode, without images and for images, of `lift_ball` with five cameras and depth at 256 pixels."""
-
-SLOWEST = 3
-"""Times as long as `lift_ball` the slowest task takes (docs/performance.md)."""
 
 
 @dataclass
@@ -79,9 +69,7 @@ def dataset_generate(config: DatasetGenerateConfig) -> None:
     """
     from lerobot_env_bimanual.generation.build import process_executor
 
-    settings = settings_of(config)
-    print(estimate(settings, worker_count(config.workers)))
-    make_dataset(settings, config.root, process_executor(config.workers))
+    make_dataset(settings_of(config), config.root, process_executor(config.workers))
 
 
 def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
@@ -115,20 +103,6 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
             "setting": config.setting,
             "repo_id": config.repo_id or f"local/{re.sub(r'[^\w.-]', '_', config.root.absolute().name)}",
         }
-    )
-
-
-def estimate(settings: GenerationSettings, workers: int) -> str:
-    """Minutes and megabytes that a dataset will take, in words, from what `lift_ball` takes."""
-    images = len(settings.cameras) / len(CAMERA_NAMES) * settings.height * settings.width / 256**2
-    seconds = EPISODE_S + sum(VIEW_S[view] for view in settings.views) * images
-    sizes = (VIEW_MB[view] for view in settings.views)
-    megabytes = sum(tables + images * pixels for tables, pixels in sizes) * settings.total_episodes
-    busy = min(workers, -(-settings.episodes // settings.episodes_per_shard) * len(settings.tasks))
-    minutes = (START_S + seconds * settings.total_episodes / busy) / 60
-    return (
-        f"{settings.total_episodes} episodes, {busy} at a time: {minutes:.1f} minutes for fast tasks to "
-        f"{SLOWEST * minutes:.1f} for slow ones, about {megabytes:.0f} MB"
     )
 
 
