@@ -8,12 +8,12 @@ import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.policies.factory import get_policy_class
-from lerobot_bimanual.dataset.version import PROVENANCE_FILE
 from sample_results import provenance
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.feature_table import features
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,

@@ -89,7 +89,7 @@ class HandoverItemEasy(Task):
         right_m = scene.arm_pair.base_pose(Arm.RIGHT).position
 
         def is_free(foot: Pose) -> bool:
-            return np.linalg.norm((foot.position - right_m)[:2]) >= MIN_RIGHT_REACH_M
+            return bool(np.linalg.norm((foot.position - right_m)[:2]) >= MIN_RIGHT_REACH_M)
 
         foot = draw_place(scene, rng, TABLE_HEIGHT_M + stand_m, HALF_YAW_RAD, is_free)
         if foot is None:
