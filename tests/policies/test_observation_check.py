@@ -129,6 +129,8 @@ def test_a_camera_that_is_off_is_a_warning_once(make_policy, make_batch, caplog)
 class Meta:
     """What LeRobot says of a dataset, as far as a policy looks."""
 
+    root = "nowhere"
+
     def __init__(self, instructions, height, width, view="keyframes", calibration=None):
         self.tasks = pd.DataFrame({"task_index": range(len(instructions))}, index=list(instructions))
         self.features = features(CAMERA_NAMES, height, width, view, calibration=calibration)
