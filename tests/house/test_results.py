@@ -32,7 +32,7 @@ BOARD, *TRIALS = (
     )
 )
 """Results by name. Trials are cells that were made again (docs/benchmark.md), policies of the board on fresh episodes, without
-quadratic features, that learned in perturbed worlds (docs/robustness.md), from fewer demonstrations, without the count of
+quadratic features, that learned in perturbed worlds, from fewer demonstrations, without the count of
 keyposes or in another number of steps (docs/learning.md)."""
 AGAIN, FRESH, WITHOUT_FEATURES, *_ = TRIALS
 ALL_ROWS = [row for folder in (BOARD, *TRIALS) for row in folder.items()]
