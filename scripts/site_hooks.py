@@ -36,10 +36,10 @@ TASK = """# {spec.name}
 
 {text}
 
-Instructions, of {variations} variations: {instructions}. Suites: {suites}.
+Variations: {variations}. Instructions: {instructions}. Suites: {suites}.
 """
 FILM = """
-<video controls muted loop playsinline preload="metadata"><source src="../{name}.mp4" type="video/mp4"></video>
+<video controls muted loop playsinline preload="metadata"><source src="{name}.mp4" type="video/mp4"></video>
 
 ![The expert's episode, at the start and at the end of every keypose]({name}.png)
 """
