@@ -18,6 +18,7 @@ from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.commands.dataset_generate import (
     DatasetGenerateConfig,
     dataset_generate,
+    estimate,
     make_dataset,
     settings_of,
 )
@@ -114,6 +115,17 @@ def test_a_single_view_lies_in_the_root_itself(generated, small_generation, tmp_
     positions = one.columns[schema.ACTION][:, :3]
     assert not np.array_equal(positions, small.columns[schema.ACTION][:, :3])
     assert np.allclose((positions * 100) % 1, 0.5, atol=1e-3)  # centres of voxels of 1 cm
+
+
+def test_the_estimate_counts_depth_only_where_it_is_stored(small_generation, tmp_path) -> None:
+    def megabytes(view: str, depth: bool | None = None) -> int:
+        settings = settings_of(small_generation(tmp_path, episodes=10_000, view=view, depth=depth))
+        return int(estimate(settings, workers=1).split()[-2])
+
+    frames, keyframes = megabytes("frames"), megabytes("keyframes")
+    assert frames == megabytes("frames", depth=False) < megabytes("frames", depth=True)
+    assert keyframes == megabytes("keyframes", depth=True) > megabytes("keyframes", depth=False)
+    assert abs(megabytes("both") - frames - keyframes) <= 1  # each is rounded
 
 
 def test_a_finished_dataset_refuses_other_settings(generated, small_generation, tree_hashes, capsys):

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 START_S, EPISODE_S = 20.0, 0.7
-VIEW_S: dict[View, float] = {"frames": 1.9, "keyframes": 0.4}
-VIEW_MB: dict[View, tuple[float, float]] = {"frames": (1.1, 4.5), "keyframes": (0.2, 1.4)}
-"""Seconds of start and merge, seconds per episode of one processor, without images and for the images of a view, and
-megabytes per episode, without images and for images, of `lift_ball` with five cameras and depth at 256 pixels."""
+VIEW_S: dict[View, tuple[float, float]] = {"frames": (0.8, 1.1), "keyframes": (0.3, 0.1)}
+VIEW_MB: dict[View, tuple[float, float, float]] = {"frames": (0.4, 1.6, 3.8), "keyframes": (0.1, 1.0, 0.5)}
+"""Seconds of start and merge, seconds per episode of one processor, without images and for colours and depth of a view, and
+megabytes per episode, without images and for colours and depth, of `lift_ball` with five cameras at 256 pixels."""
 
 SLOWEST = 3
 """Times as long as `lift_ball` the slowest task takes (docs/performance.md)."""
@@ -118,9 +118,12 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
 def estimate(settings: GenerationSettings, workers: int) -> str:
     """Minutes and megabytes that a dataset will take, in words, from what `lift_ball` takes."""
     images = len(settings.cameras) / len(CAMERA_NAMES) * settings.height * settings.width / 256**2
-    seconds = EPISODE_S + sum(VIEW_S[view] for view in settings.views) * images
-    sizes = (VIEW_MB[view] for view in settings.views)
-    megabytes = sum(tables + images * pixels for tables, pixels in sizes) * settings.total_episodes
+    seconds, megabytes = EPISODE_S, 0.0
+    for view in settings.views:
+        depth = images * (view == "keyframes" if settings.depth is None else settings.depth)
+        (colour_s, depth_s), (rest_mb, colour_mb, depth_mb) = VIEW_S[view], VIEW_MB[view]
+        seconds += images * colour_s + depth * depth_s
+        megabytes += settings.total_episodes * (rest_mb + images * colour_mb + depth * depth_mb)
     busy = min(workers, -(-settings.episodes // settings.episodes_per_shard) * len(settings.tasks))
     minutes = (START_S + seconds * settings.total_episodes / busy) / 60
     return (
