@@ -1,7 +1,8 @@
 """What is installed: versions, what distributions add through entry points, and what they lack, found without importing it."""
 
 import importlib.util
-from collections.abc import Sequence
+import platform
+from collections.abc import Mapping, Sequence
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
 
@@ -10,8 +11,11 @@ from lerobot_bimanual.errors import BimanualError
 SIMULATION_PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
 """Packages whose versions decide which episode a seed means."""
 
-STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot")
-"""Packages whose versions are recorded."""
+C_LIBRARY = "libc"
+"""Its mathematical functions decide the last bits of states (docs/determinism.md)."""
+
+STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot", C_LIBRARY)
+"""What has versions that are recorded."""
 
 
 def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, str]:
@@ -22,7 +26,16 @@ def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, 
             versions[package] = version(package)
         except PackageNotFoundError:
             versions[package] = "none"
+    if C_LIBRARY in packages:
+        versions[C_LIBRARY] = "-".join(platform.libc_ver()).strip("-") or "none"
     return versions
+
+
+def other_c_library(versions: Mapping[str, str]) -> str:
+    """That recorded versions have another C library than this process, in words; empty if not, or if they do not say."""
+    here = installed_versions([C_LIBRARY])[C_LIBRARY]
+    made = versions.get(C_LIBRARY, here)
+    return "" if made == here else f"made with the C library {made} (here: {here}), so last bits may differ"
 
 
 def entries(group: str) -> dict[str, EntryPoint]:

@@ -2,45 +2,65 @@
 
 The home page is README.md. A link to what the site does not have becomes its text.
 
-As a program it films the experts for the page of the tasks, where that has not been done in their present world.
+As a program it films the experts for the pages of the tasks, where that has not been done in their present world.
 """
 
 import posixpath
 import re
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from lerobot_bimanual.cli import find_commands, main
 from lerobot_env_bimanual.experts.world_version import world_versions
-from lerobot_env_bimanual.tasks.registry import list_tasks
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 ROOT = Path(__file__).parents[1]
 FILMS = ROOT / "build/films"
-SOURCES = {"index.md": "README.md", "contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
+SOURCES = {
+    "index.md": "README.md",
+    "contributing.md": "CONTRIBUTING.md",
+    "changelog.md": "CHANGELOG.md",
+    **{f"{name}.md": f"policies/lerobot_policy_bimanual/{name}/README.md" for name in ("peract2", "rvt_lf")},
+}
 """Pages from outside docs/, and where they come from."""
 LINK = re.compile(r"\[([^\[\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
-FILM = """
-## Film of `{task}`
+TASK = """# {spec.name}
 
+{text}
+
+Variations: {variations}. Instructions: {instructions}. Suites: {suites}.
+"""
+FILM = """
 <video controls muted loop playsinline preload="metadata"><source src="{name}.mp4" type="video/mp4"></video>
 """
 
 
+def on_config(config: MkDocsConfig) -> None:
+    """Put a page for each task into the navigation."""
+    (tasks,) = [section["Tasks"] for section in config.nav if "Tasks" in section]
+    tasks += [f"tasks/{name}.md" for name in list_tasks()]
+
+
 def on_files(files: Files, config: MkDocsConfig) -> None:
-    """Add the pages from outside docs/, and the films."""
-    for uri, source in SOURCES.items():
-        files.append(File.generated(config, uri, content=(ROOT / source).read_text(encoding="utf-8")))
+    """Add the pages from outside docs/, those of tasks and commands, and the films."""
+    pages = {uri: (ROOT / source).read_text(encoding="utf-8") for uri, source in SOURCES.items()}
+    pages |= {f"tasks/{name}.md": _task(name) for name in list_tasks()} | {"cli.md": _command_line()}
+    for uri, content in pages.items():
+        files.append(File.generated(config, uri, content=content))
     for film in FILMS.glob("*.mp4"):
-        files.append(File.generated(config, film.name, abs_src_path=str(film)))
+        files.append(File.generated(config, f"tasks/{film.name}", abs_src_path=str(film)))
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Let links lead to where the site has what the repository has elsewhere, and show the films."""
+    """Let links lead to where the site has what the repository has elsewhere."""
     uri = page.file.src_uri
     folder = posixpath.dirname(SOURCES.get(uri, f"docs/{uri}"))
     uris = {source: page_uri for page_uri, source in SOURCES.items()}
@@ -54,10 +74,31 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         there = uris.get(target, target.removeprefix("docs/"))
         return f"[{text}]({posixpath.relpath(there, posixpath.dirname(uri) or '.')}{place})"
 
-    films = [
-        each for each in _film_names().items() if uri == "tasks.md" and (FILMS / f"{each[1]}.mp4").is_file()
-    ]
-    return LINK.sub(moved, markdown) + "".join(FILM.format(task=task, name=name) for task, name in films)
+    return LINK.sub(moved, markdown)
+
+
+def _task(name: str) -> str:
+    """What a task's file says at its head, its instructions, and its film if there is one."""
+    task = get_task(name)
+    page = TASK.format(
+        spec=task.spec,
+        text=sys.modules[type(task).__module__].__doc__,
+        instructions=", ".join(f"`{words}`" for words in task.spec.instructions),
+        variations=len(task.spec.variations),
+        suites=", ".join(task.spec.taxonomy.suites),
+    )
+    film = _film_names()[name]
+    return page + FILM.format(name=film) if (FILMS / f"{film}.mp4").is_file() else page
+
+
+def _command_line() -> str:
+    """The help of every command."""
+    sections = ["# Command line\n"]
+    for name in ("", *find_commands()):
+        with redirect_stdout(StringIO()) as text:
+            main([*name.split(), "--help"])
+        sections.append(f"## {name or 'lerobot-bimanual'}\n\n```text\n{text.getvalue()}```\n")
+    return "\n".join(sections)
 
 
 @cache

@@ -10,17 +10,19 @@ from __future__ import annotations
 import atexit
 import multiprocessing
 import os
-import shutil
+import re
+import select
 import signal
+import socket
+import sys
 import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, suppress
 from multiprocessing import connection, forkserver
-from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, Self
@@ -70,7 +72,7 @@ class WorkerPool:
         self._context.set_forkserver_preload([__name__, *preload])
         self._limit = worker_count(workers)
         self._executor: ProcessPoolExecutor | None = None
-        self._lifeline: Connection | None = None
+        self._others: set[BaseProcess] = set()
         self._running: dict[Future[Any], int] = {}
 
     def __enter__(self) -> Self:
@@ -164,8 +166,8 @@ class WorkerPool:
         if self._executor is None:
             with interrupts_ignored():
                 forkserver.ensure_running()
-            theirs, self._lifeline = self._context.Pipe()
-            self._executor = ProcessPoolExecutor(self._limit, self._context, _prepare_worker, (theirs,))
+            self._others = {*multiprocessing.active_children()}
+            self._executor = ProcessPoolExecutor(self._limit, self._context, _prepare_worker)
         try:
             future = self._executor.submit(_work, function, items[index])
         except BrokenProcessPool as error:  # an idle worker died since the last submission
@@ -175,31 +177,66 @@ class WorkerPool:
 
     def _end(self) -> None:
         """End the processes: in order if they are idle, at once if they work, as unfinished work is lost anyway."""
-        executor, lifeline = self._executor, self._lifeline
-        self._executor = self._lifeline = None
-        if executor is None or lifeline is None:
+        executor, self._executor = self._executor, None
+        if executor is None:
             return
         if not all(future.done() for future in self._running):
-            lifeline.close()
+            self._kill()
         executor.shutdown(cancel_futures=True)
-        lifeline.close()
+        self._kill()  # those that were just being started
+
+    def _kill(self) -> None:
+        for process in {*multiprocessing.active_children()} - self._others:
+            if isinstance(process, self._context.Process):
+                process.kill()
 
 
 def end_with_parent() -> None:
     """Have this process end when the one that started it does, whatever it is doing then; nothing in a main process."""
     parent = multiprocessing.parent_process()
-    if parent is not None:
-        _end_with(parent.sentinel)
+    if parent is None:
+        return
+    # At once, however busy: the process that forked us ends with our parent.
+    end_when_parent_ends(signal.SIGKILL)
+
+    def await_end() -> None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=await_end, daemon=True).start()
 
 
-@atexit.register
-def _remove_socket() -> None:
-    """Remove the socket of `multiprocessing` in the process that workers are forked from, as a killed main process cannot."""
-    server: Any = getattr(forkserver, "_forkserver", None)
-    folder = Path(str(getattr(server, "_forkserver_address", None))).parent
-    is_server = getattr(server, "_forkserver_pid", True) is None
-    if is_server and folder.name.startswith("pymp-"):
-        shutil.rmtree(folder, ignore_errors=True)
+def _prepare_fork_server() -> None:
+    """In the process that workers are forked from: have it end with its parent, also amid its imports, which may take long.
+
+    It takes along the socket of `multiprocessing`, which a killed parent cannot remove.
+    """
+    command = "".join(sys.orig_argv[-1:])
+    found = re.match(r"from multiprocessing\.forkserver import main; main\((\d+), (\d+)", command)
+    if found is None or forkserver.get_inherited_fds() is not None:  # in another process, or a worker
+        return
+    listener, alive = map(int, found.groups())
+    with socket.socket(fileno=os.dup(listener)) as copy:
+        address = Path(str(copy.getsockname()))
+    parent = os.getppid()
+
+    def remove_socket() -> None:
+        with suppress(OSError):
+            address.unlink()
+            address.parent.rmdir()
+
+    def end_if_alone(*_: object) -> None:
+        if os.getppid() != parent or select.select([alive], [], [], 0)[0]:
+            remove_socket()
+            os._exit(0)
+
+    atexit.register(remove_socket)
+    signal.signal(signal.SIGUSR2, end_if_alone)
+    end_when_parent_ends(signal.SIGUSR2)
+    end_if_alone()  # from the beginning
+
+
+_prepare_fork_server()
 
 
 def end_of(process: BaseProcess) -> str:
@@ -220,21 +257,10 @@ def told(error: BaseException) -> BimanualError:
     return error
 
 
-def _prepare_worker(lifeline: Connection) -> None:
-    """Prepare a worker, which ends as soon as its parent closes the other end of `lifeline`, or is gone."""
+def _prepare_worker() -> None:
+    """Prepare a worker, which leaves Ctrl-C to its parent and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _end_with(lifeline)
-
-
-def _end_with(lifeline: Connection | int) -> None:
-    # At once, however busy: the process that forked us ends with our parent.
-    end_when_parent_ends(signal.SIGKILL)
-
-    def await_end() -> None:
-        connection.wait([lifeline])
-        os._exit(1)
-
-    threading.Thread(target=await_end, daemon=True).start()
+    end_with_parent()
 
 
 def _work(function: Callable[[Any], Any], item: Any) -> Any:

@@ -185,8 +185,12 @@ class Pipeline:
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
         """The command that resumes a training from its last checkpoint; None if there is no checkpoint."""
-        # LeRobot's link `last` comes after the numbers of steps; where it leads nowhere, the newest one is taken.
+        # LeRobot's link `last` comes after the numbers of steps; where it leads nowhere, the newest one is taken whose writing,
+        # which may have been cut off, came to the state of the optimizer.
         checkpoints = sorted(folder.glob("checkpoints/*/pretrained_model/train_config.json"))
+        if not (folder / "checkpoints" / "last").exists():
+            state = "training_state/**/optimizer_param_groups.json"
+            checkpoints = [path for path in checkpoints if any(path.parents[1].glob(state))]
         if not checkpoints:
             # lerobot-train refuses an existing folder, and this one holds nothing to keep.
             shutil.rmtree(folder, ignore_errors=True)

@@ -7,12 +7,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PositiveInt
 
-from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, TASK_NAME, VERSION_INFO, View
+from lerobot_bimanual.dataset.schema import PROVENANCE_FILE, SCHEMA_VERSION, TASK_NAME, VERSION_INFO, View
 from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.results.record import Record
-
-PROVENANCE_FILE = Path("meta", "bimanual.json")
 
 Version = Annotated[str, Field(pattern=r"^[\w.+!-]{1,40}$")]
 """A version; error messages put it into commands, so it can hold nothing else."""

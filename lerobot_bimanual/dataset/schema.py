@@ -4,6 +4,7 @@ The environment emits the same observation keys, so a policy trained on the data
 `lerobot-eval`. All vectors are flat, because LeRobot cannot merge datasets with multi-dimensional columns.
 """
 
+from pathlib import Path
 from typing import Literal
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
@@ -17,6 +18,9 @@ ROBOT_TYPE = "bimanual_panda"
 
 View = Literal["frames", "keyframes"]
 VIEWS: tuple[View, ...] = ("frames", "keyframes")
+
+PROVENANCE_FILE = Path("meta", "bimanual.json")
+"""What a dataset was made from, beside LeRobot's own metadata."""
 
 CALIBRATION_INFO = "bimanual_calibration"
 """Where the calibration of all rows is stored: in the `info` of the feature `WRIST_EXTRINSICS`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from statistics import fmean, stdev
@@ -56,7 +57,7 @@ def benchmark_page(
         success=success_table(results.values()),
         survival=survival_table(each for _, each in ordered),
         figure=figure,
-        training=pd.DataFrame(_training(each, beyond.get(path)) for path, each in ordered),
+        training=_training_table(ordered, beyond),
         command=[*commands.values()][-1] if commands else None,
     )
 
@@ -121,28 +122,40 @@ def survival_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame | None:
     return shown.fillna(ABSENT).rename_axis("task").reset_index()
 
 
-def _training(result: BenchmarkResult, beyond: str | None) -> dict[str, object]:
-    """Line of the table of trainings.
+def _training_table(
+    results: Iterable[tuple[Path, BenchmarkResult]], beyond: Mapping[Path, str]
+) -> pd.DataFrame:
+    """A line for all results of one policy with the same settings, whatever their seeds.
 
     Args:
-        result: of the training.
-        beyond: flags beyond those of the recipe; None if the recipe is not installed.
+        results: by file.
+        beyond: flags beyond those of the recipe, by file; files of policies whose recipe is not installed are missing.
     """
-    config = result.config
-    validated = (
-        f"{each.step}: {sum(episode.success for episode in each.episodes)}/{len(each.episodes)}"
-        for each in result.validation
+    table: Any = pd.DataFrame(
+        {
+            "policy": f"`{each.config.policy_id}`",
+            "results": each.config.eval_key,
+            "demos": len(each.demonstrations.seeds),
+            "steps": each.config.steps,
+            "minutes": each.training_seconds / 60,
+            "machine": each.machine.gpu or f"{each.machine.cpus} cores",
+            "beyond the recipe": _without_seed(beyond[path]) if path in beyond else NOT_INSTALLED,
+        }
+        for path, each in results
     )
-    return {
-        "task": f"`{config.eval_key}`",
-        "policy": f"`{config.policy_id}`",
-        "demos": len(result.demonstrations.seeds),
-        "steps": f"{result.checkpoint_step} of {config.steps}",
-        "minutes": f"{result.training_seconds / 60:.1f}",
-        "machine": result.machine.gpu or f"{result.machine.cpus} cores",
-        "on `val`, by steps": ", ".join(validated),
-        "beyond the recipe": NOT_INSTALLED if beyond is None else f"`{beyond}`" if beyond else ABSENT,
-    }
+    settings = ["policy", "demos", "steps", "machine", "beyond the recipe"]
+    lines = table.groupby(settings).agg({"results": "count", "minutes": _range}).reset_index()
+    return lines[table.columns]
+
+
+def _without_seed(flags: str) -> str:
+    flags = re.sub(r"--seed=\d+ ?", "", flags).strip()
+    return f"`{flags}`" if flags else ABSENT
+
+
+def _range(minutes: pd.Series) -> str:
+    low, high = f"{minutes.min():.1f}", f"{minutes.max():.1f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _success_cell(rates: pd.Series) -> str:

@@ -19,22 +19,20 @@ type Results = Mapping[str, robustness.RobustnessResult]
 
 
 def robustness_page(results: Results) -> str:
-    """A section per task: successes of its policies at each level of each axis.
+    """What perturbations cost policies, over all tasks; of one task alone, the successes in each condition.
 
     Args:
         results: by name.
     """
     table = robustness_table.conditions_table(results)
-    spread, distances = _trainings(table)
     return render(
         "lerobot_bimanual.reports",
         "robustness.md",
         significant=robustness_table.SIGNIFICANT,
         min_expert_rate=robustness.MIN_EXPERT_RATE,
         all_tasks=_all_tasks(table),
-        spread=spread,
-        distances=distances,
-        tasks=[_task(task, lines, results) for task, lines in table.groupby("task")],
+        distances=_distances(table),
+        task=_task(table, results) if table.task.nunique() == 1 else None,
     )
 
 
@@ -54,8 +52,8 @@ def _all_tasks(table: pd.DataFrame) -> pd.DataFrame | None:
     return robustness_table.by_axis(cells.rename(columns=headings), robustness_table.axis_names(shown))
 
 
-def _trainings(table: pd.DataFrame) -> tuple[pd.DataFrame | None, pd.DataFrame | None]:
-    """How far trainings of one policy are apart axis by axis, and how far policies are over all conditions.
+def _distances(table: pd.DataFrame) -> pd.DataFrame | None:
+    """How far trainings of one policy, and of two policies, are apart over all conditions.
 
     Differences are those of two trainings on the same episodes of the same task and world, where the condition is valid.
     """
@@ -63,23 +61,19 @@ def _trainings(table: pd.DataFrame) -> tuple[pd.DataFrame | None, pd.DataFrame |
     several = trained[trained.groupby(["task", "policy"]).checkpoint.transform("nunique") > 1]
     policies = sorted(several.policy.unique())
     if not policies:
-        return None, None
+        return None
     valid = several[several.valid]
     pairs = valid.merge(valid, on=["task", "condition", "world", "seeds", "n"], suffixes=("", "_other"))
     is_pair = (pairs.policy != pairs.policy_other) | (pairs.checkpoint < pairs.checkpoint_other)
     pairs = pairs[is_pair].assign(apart=lambda pairs: (pairs.solved - pairs.solved_other).abs() / pairs.n)
-    own = pairs[pairs.policy == pairs.policy_other]
-    spread = own.groupby(["condition", "policy"]).apart.mean().map("{:.0%}".format).unstack()
     over_all = pairs.groupby(["policy", "policy_other"]).apart.agg(["mean", "max"])
     texts = over_all.apply(lambda line: f"{line['mean']:.0%} ({line['max']:.0%})", axis=1).unstack()
-    distances = texts.reindex(policies)[policies].fillna(".").rename_axis("").reset_index()
-    return robustness_table.by_axis(spread, robustness_table.axis_names(table)), distances
+    return texts.reindex(policies)[policies].fillna(".").rename_axis("").reset_index()
 
 
-def _task(task: str, table: pd.DataFrame, results: Results) -> dict[str, Any]:
-    """What the page says of one task."""
-    own = {name: result for name, result in results.items() if result.task == task}
-    records = {axis.name: axis for result in own.values() for axis in result.axes}
+def _task(table: pd.DataFrame, results: Results) -> dict[str, Any]:
+    """What the page says of the only task."""
+    records = {axis.name: axis for result in results.values() for axis in result.axes}
     labels = table.label.drop_duplicates()
     cells = table.assign(text=table.apply(_cell, axis=1)).pivot(
         index="condition", columns="label", values="text"
@@ -93,18 +87,23 @@ def _task(task: str, table: pd.DataFrame, results: Results) -> dict[str, Any]:
     totals = totals.reindex(index=robustness_table.LEVELS, columns=labels).fillna("")
     totals.insert(0, "axis", [f"valid conditions of level {level}" for level in robustness_table.LEVELS])
     lines = [
-        f"{line.result}: {own[line.result].policy}, weights {line.checkpoint[:12]}, "
-        f"{own[line.result].config.options['split']} seeds {line.seeds[0]} to {line.seeds[-1]}, batches of "
-        f"{own[line.result].config.batch_size}; nominal: expert {line.expert} of {line.n}, open loop {line.open_loop} of "
+        f"{line.result}: {results[line.result].policy}, weights {line.checkpoint[:12]}, "
+        f"{results[line.result].config.options['split']} seeds {line.seeds[0]} to {line.seeds[-1]}, batches of "
+        f"{results[line.result].config.batch_size}; nominal: expert {line.expert} of {line.n}, open loop {line.open_loop} of "
         f"{line.n}."
         for line in table[table.level == 0].itertuples()
     ]
-    without = sorted({axis for result in own.values() for axis in result.not_applicable})
-    return {"name": task, "table": pd.concat([shown, totals]), "lines": lines, "not_applicable": without}
+    without = sorted({axis for result in results.values() for axis in result.not_applicable})
+    return {
+        "name": table.task.iloc[0],
+        "table": pd.concat([shown, totals]),
+        "lines": lines,
+        "not_applicable": without,
+    }
 
 
 def expert_robustness_page(reports: Mapping[str, robustness.ExpertRobustnessReport]) -> str:
-    """On how many tasks each condition is valid; then, per task, what expert and open-loop baseline solve.
+    """On how many tasks each condition is valid; of one task alone, what expert and open-loop baseline solve.
 
     Args:
         reports: by task.
@@ -120,22 +119,20 @@ def expert_robustness_page(reports: Mapping[str, robustness.ExpertRobustnessRepo
         for task, report in reports.items()
         for each in report.conditions[1:]
     )
-    tasks = []
-    for task, report in reports.items():
-        cells = _by_level(table[table.task == task].set_index(["axis", "level"]).text)
-        magnitudes = {axis.name: f"{axis.name} ({magnitudes_text(axis)})" for axis in report.axes}
-        nominal = report.rates(report.nominal)
-        tasks.append(
-            {"name": task, "report": report, "nominal": nominal, "table": cells.replace({"axis": magnitudes})}
-        )
+    overview = pd.Series({key: _valid_tasks(lines) for key, lines in table.groupby(["axis", "level"])})
+    report = next(iter(reports.values()))
+    magnitudes = {axis.name: f"{axis.name} ({magnitudes_text(axis)})" for axis in report.axes}
     return render(
         "lerobot_bimanual.reports",
         "expert_robustness.md",
         min_expert_rate=robustness.MIN_EXPERT_RATE,
-        overview=_by_level(
-            pd.Series({key: _valid_tasks(lines) for key, lines in table.groupby(["axis", "level"])})
-        ),
-        tasks=tasks,
+        tasks=len(reports),
+        overview=_by_level(overview),
+        report=report,
+        nominal=report.rates(report.nominal),
+        solved=_by_level(table.set_index(["axis", "level"]).text).replace({"axis": magnitudes})
+        if len(reports) == 1
+        else None,
     )
 
 

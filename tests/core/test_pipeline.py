@@ -178,21 +178,23 @@ def test_a_training_without_a_checkpoint_starts_anew_in_an_empty_place(tmp_path,
     assert not (tmp_path / "train" / "rest").exists()
 
 
-@pytest.mark.parametrize("dangles", [False, True])
-def test_without_a_link_to_the_last_checkpoint_the_newest_one_is_resumed(
-    dangles, tmp_path, trainings, training
+@pytest.mark.parametrize(("dangles", "is_whole"), [(False, True), (True, True), (False, False)])
+def test_without_a_link_to_the_last_checkpoint_the_newest_one_is_resumed_unless_it_was_cut_off(
+    dangles, is_whole, tmp_path, trainings, training
 ):
     training.code = 1
     with pytest.raises(BimanualError):
         trainings.run(training_command(tmp_path))
-    last = training.last.parents[1]
-    last.rename(last.with_name("000002"))
+    newest = training.last.parents[1].rename(training.last.parents[1].with_name("000002"))
     if dangles:
-        last.symlink_to("000004")
+        newest.with_name("last").symlink_to("000004")
+    if is_whole:
+        (newest / "training_state").mkdir()
+        (newest / "training_state" / "optimizer_param_groups.json").touch()
     training.code, training.saves = 0, False
     trainings.run(training_command(tmp_path))
-    newest = last.with_name("000002") / "pretrained_model/train_config.json"
-    assert training.calls[1:] == [["lerobot-train", f"--config_path={newest}", *RESUMED]]
+    resumed = ["lerobot-train", f"--config_path={newest}/pretrained_model/train_config.json", *RESUMED]
+    assert training.calls[1:] == [resumed if is_whole else NEW_TRAINING]
 
 
 @pytest.mark.parametrize("by_chain", [True, False])

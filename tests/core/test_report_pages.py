@@ -102,8 +102,10 @@ def test_a_page_of_robustness_has_the_tables_of_all_policies(snapshot):
         "lift_ball_yours_seed7": result({"checkpoint_sha256": "3f" * 32}, conditions=fewer),
         "push_box_mine": result({"task": "push_box"}),
     }
-    assert robustness_page(results) == snapshot
+    one_task = {name: each for name, each in results.items() if each.task == "lift_ball"}
+    assert [robustness_page(results), robustness_page(one_task)] == snapshot
 
 
 def test_a_page_of_expert_robustness_says_which_conditions_are_valid(snapshot):
-    assert expert_robustness_page({"lift_ball": EXPERT_REPORT}) == snapshot
+    pages = [expert_robustness_page(dict.fromkeys(tasks, EXPERT_REPORT)) for tasks in (["a"], ["a", "b"])]
+    assert pages == snapshot

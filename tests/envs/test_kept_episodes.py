@@ -245,3 +245,7 @@ def test_a_record_is_replayed_as_claimed_and_what_is_changed_in_it_is_told(undis
     printed = capsys.readouterr().out
     assert f"seed 3: ticks is 999, but {first.ticks} in the replay" in printed
     assert "world of lift_ball is 000000000000" in printed
+    elsewhere = record.model_copy(update={"episodes": changed, "versions": {"libc": "glibc-1.0"}})
+    elsewhere.write(path)
+    assert results_verify(config) == 1
+    assert f"{NAME}: inconclusive, made with the C library glibc-1.0 (here: " in capsys.readouterr().out

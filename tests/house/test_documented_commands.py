@@ -83,8 +83,9 @@ def test_the_commands_and_programs_of_the_readme_run_in_their_order(tmp_path: Pa
     for words in commands(readme):
         if words[0] not in ("make", "source"):
             run(*small(words), folder=tmp_path)
-    for program in PYTHON_BLOCK.findall(readme.read_text(encoding="utf-8")):
-        run(sys.executable, "-c", program, folder=tmp_path)
+    for page in (readme, ROOT / "docs/environment.md", ROOT / "docs/own_policy.md"):
+        for program in PYTHON_BLOCK.findall(page.read_text(encoding="utf-8")):
+            run(sys.executable, "-c", program, folder=tmp_path)
 
 
 def small(words: list[str]) -> list[str]:

@@ -16,8 +16,11 @@ def test_links_lead_to_files(document: Path) -> None:
     assert not [link for link in LINK.findall(document.read_text()) if not (document.parent / link).exists()]
 
 
-def test_the_readme_is_at_most_six_kilobytes() -> None:
+def test_the_readme_is_at_most_six_kilobytes_and_the_pages_are_short() -> None:
     assert len((ROOT / "README.md").read_bytes()) <= 6 * 1024
+    words = {page: len(page.read_text().split()) for page in (ROOT / "README.md", *ROOT.glob("docs/*.md"))}
+    assert {page.name: count for page, count in words.items() if count > 2500} == {}
+    assert sum(words.values()) <= 20_000
 
 
 def test_every_page_is_in_the_navigation_of_the_site() -> None:

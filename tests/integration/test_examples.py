@@ -93,7 +93,8 @@ def test_the_notebook_runs_from_top_to_bottom(tmp_path):
     printed = "".join(output.get("text", "") for output in outputs)
     assert "ticks later" in printed
     assert "solved" in printed.splitlines()[-1]
-    assert sum("image/png" in output.get("data", {}) for output in outputs) == 4
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
+    assert sum("<video" in output.get("data", {}).get("text/html", "") for output in outputs) == 1
 
 
 def test_recorded_frames_become_poses_for_both_hands(tmp_path):

@@ -28,7 +28,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
 
     Each episode is replayed from its seed by the recorded actions: the state after every action must be the recorded one,
     bit for bit, and instruction, outcome, first tick of success, failure, ticks and keyposes must come out as claimed.
-    Exits with 1 if anything differs, and says where first. Expert and baseline episodes of a result are those of the
+    Exits with 1 if anything differs, and says where first; that is inconclusive if it was recorded with another C library. Expert and baseline episodes of a result are those of the
     expert reports of the same world.
 
     Examples:
@@ -36,6 +36,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
         lerobot-bimanual results verify --results=results/leaderboard --sample=5
         lerobot-bimanual results verify --results=outputs/eval/lift_ball_test_record.json
     """
+    from lerobot_bimanual.distributions import other_c_library
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.verification.episodes import verify_episodes
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
@@ -54,6 +55,8 @@ def results_verify(config: ResultsVerifyConfig) -> int:
             found = zip(episodes, verify_episodes(result.record, episodes, pool), strict=True)
             problems += [f"seed {episode.seed}: {text}" for episode, texts in found for text in texts]
             verdict = "NOT as claimed" if problems else "as claimed"
+            if problems and (other := other_c_library(result.record.versions)):
+                verdict = f"inconclusive, {other}"
             say(f"{path}: {verdict}, {len(episodes)} episodes replayed", *(f"  {text}" for text in problems))
             failed |= bool(problems)
     if not failed:

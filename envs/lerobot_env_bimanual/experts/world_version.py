@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
-from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions, other_c_library
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_env_bimanual.conditions import with_parts
 from lerobot_env_bimanual.env import BimanualEnv
@@ -137,7 +137,9 @@ def other_simulation(provenance: Provenance | None) -> str:
         for task, version in provenance.worlds.items()
         if version != here[task]
     ]
-    return f"it holds {', '.join(other)}, where the same seeds mean other episodes" if other else ""
+    if other:
+        return f"it holds {', '.join(other)}, where the same seeds mean other episodes"
+    return other_c_library(provenance.versions)
 
 
 def _task_facts(task: Task) -> Iterator[str]:

@@ -39,7 +39,7 @@ from lerobot_env_bimanual.vector.evaluation_log import EvaluationLog
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone, Settled
 from lerobot_env_bimanual.workers import WorkerDied, end_of, end_with_parent, told
 
-PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.env", "lerobot_env_bimanual.workers"]
+PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.workers", "lerobot_env_bimanual.env"]
 """Imported once by the process from which the workers are forked, instead of by each of them."""
 
 KEYPOSE_FPS = 2

@@ -3,6 +3,7 @@
 docs/policies.md has a table. What a batch lacks is said by `ObservationCheck` and `forward`: until then LeRobot may rename keys.
 """
 
+import json
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,8 +14,7 @@ from lerobot.configs import FeatureType, PreTrainedConfig
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP
+from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP, PROVENANCE_FILE
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION
 from lerobot_policy_bimanual.errors import BadConfig
@@ -80,8 +80,9 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
         check_label(meta.features.get(ACTION, {}).get("shape", ()))
         tasks = () if meta.tasks is None else tuple(map(str, meta.tasks.index))
         config.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()
-        provenance = Provenance.of_dataset(Path(meta.root))
-        config.trained_worlds = {} if provenance is None else dict(provenance.worlds)
+        provenance = Path(meta.root) / PROVENANCE_FILE
+        made = json.loads(provenance.read_text(encoding="utf-8")) if provenance.is_file() else {}
+        config.trained_worlds = made.get("worlds", {})
         before = config.input_features or {}
         stored = {
             key: each
