@@ -1,9 +1,9 @@
-"""A film of an episode as one or several players played it, side by side."""
+"""Episodes that are played and kept as states, and films of them, several players side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lerobot_bimanual.cameras import ROOM_CAMERA_NAMES
+from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.rendering.rollout import Rollout
+from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.rendering.viewpoint import frame_of
 from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.scene import SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.world.video import VideoWriter
 
@@ -27,6 +29,48 @@ PAPER, INK, GREY = (255, 255, 255), (32, 34, 40), (112, 116, 126)
 GREEN, RED = (22, 128, 60), (196, 38, 34)
 FRAMED_TICKS = 10
 """Of so many states one decides what a camera is turned and zoomed to."""
+
+
+@dataclass
+class Recording:
+    """States of an episode while it is played.
+
+    Attributes:
+        states: states before every tick, and the last one.
+        keyposes: number of keyposes completed in each of these states.
+    """
+
+    states: list[SceneState] = field(default_factory=list)
+    keyposes: list[int] = field(default_factory=list)
+
+    def note(self, env: BimanualEnv) -> None:
+        """Append the state at hand."""
+        self.states.append(env.scene.save_state())
+        self.keyposes.append(env.progress.keyposes)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the episode."""
+        return (len(self.states) - 1) * TICK_S
+
+
+type Rollout = tuple[Recording, EpisodeOutcome]
+"""States of an episode, and what became of it."""
+
+
+def rollout(env: BimanualEnv, seed: int, player: Player) -> Rollout:
+    """Play an episode, and keep every state of it.
+
+    Args:
+        env: environment whose control mode takes the player's actions.
+        seed: seed of the reset.
+        player: expert or policy.
+    """
+    recording = Recording()
+    with env.observed_by(lambda env, _: recording.note(env)):
+        outcome = run_episode(env, seed, player)
+    recording.note(env)
+    return recording, outcome
 
 
 @dataclass(frozen=True, eq=False)
