@@ -27,6 +27,8 @@ SEVERAL_WIDTH = 400
 LINE_HEIGHT, LETTERS, GAP = 34, 19, 16
 PAPER, INK, GREY = (255, 255, 255), (32, 34, 40), (112, 116, 126)
 GREEN, RED = (22, 128, 60), (196, 38, 34)
+type Panel = tuple[NDArray[np.uint8], str, str, tuple[int, int, int]]
+"""A picture, the texts at both ends of the line below, and their colour; one other than `INK` also frames the picture."""
 FRAMED_TICKS = 10
 """Of so many states one decides what a camera is turned and zoomed to."""
 
@@ -73,23 +75,6 @@ def rollout(env: BimanualEnv, seed: int, player: Player) -> Rollout:
     return recording, outcome
 
 
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """A picture with a line of text below.
-
-    Attributes:
-        rgb: (height, width, 3) uint8; all panels side by side have the same shape.
-        player: text at the left end of the line.
-        note: text at its right end.
-        color: RGB of both texts; a colour other than `INK` also frames the picture.
-    """
-
-    rgb: NDArray[np.uint8]
-    player: str
-    note: str
-    color: tuple[int, int, int] = INK
-
-
 def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, camera: str = "front") -> Path:
     """Write a video, in which players that ended earlier keep their last picture.
 
@@ -119,14 +104,12 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
             recording, episode = rollouts[player]
             env.scene.restore_state(recording.states[tick])
             env.scene.appearance = env.scene.appearance.wearing(**view)
-            rgb, note = (
-                renderer.render()[camera][0],
-                f"{tick * TICK_S:.1f} s, keypose {recording.keyposes[tick]}",
-            )
+            rgb, _ = renderer.render()[camera]
+            note = f"{tick * TICK_S:.1f} s, keypose {recording.keyposes[tick]}"
             if tick < len(recording.states) - 1:
-                return Panel(rgb, player, note)
+                return rgb, player, note, INK
             verdict, color = ("success", GREEN) if episode.success else ("failure", RED)
-            return Panel(rgb, f"{player} - {verdict}", note, color)
+            return rgb, f"{player} - {verdict}", note, color
 
         caption = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
         writer, is_single = VideoWriter(stem.parent, stem.name, caption), len(rollouts) == 1
@@ -141,21 +124,18 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
 
 def _side_by_side(panels: Sequence[Panel], width: int) -> NDArray[np.uint8]:
     """Panels in a row, their pictures scaled to a width in pixels; both sides are even, as videos need it."""
-    height = round(width * panels[0].rgb.shape[0] / panels[0].rgb.shape[1])
+    height = round(width * panels[0][0].shape[0] / panels[0][0].shape[1])
     sheet = Image.new("RGB", (len(panels) * (width + GAP) + GAP, height + LINE_HEIGHT + 2 * GAP), PAPER)
-    draw, font, baseline = (
-        ImageDraw.Draw(sheet),
-        ImageFont.load_default(LETTERS),
-        GAP + height + LINE_HEIGHT - 9,
-    )
-    for index, panel in enumerate(panels):
-        left, is_plain = GAP + index * (width + GAP), panel.color == INK
-        picture = Image.fromarray(panel.rgb).resize((width, height), Image.Resampling.LANCZOS)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(LETTERS)
+    baseline = GAP + height + LINE_HEIGHT - 9
+    for index, (rgb, player, note, color) in enumerate(panels):
+        left, is_plain = GAP + index * (width + GAP), color == INK
+        picture = Image.fromarray(rgb).resize((width, height), Image.Resampling.LANCZOS)
         sheet.paste(picture, (left, GAP))
         if not is_plain:
-            draw.rectangle((left, GAP, left + width - 1, GAP + height - 1), outline=panel.color, width=4)
-        draw.text((left + 2, baseline), panel.player, fill=panel.color, font=font, anchor="ls")
-        note_color = GREY if is_plain else panel.color
-        draw.text((left + width - 2, baseline), panel.note, fill=note_color, font=font, anchor="rs")
+            draw.rectangle((left, GAP, left + width - 1, GAP + height - 1), outline=color, width=4)
+        draw.text((left + 2, baseline), player, fill=color, font=font, anchor="ls")
+        note_color = GREY if is_plain else color
+        draw.text((left + width - 2, baseline), note, fill=note_color, font=font, anchor="rs")
     rows, columns = (side - side % 2 for side in (sheet.height, sheet.width))
     return np.asarray(sheet)[:rows, :columns]
