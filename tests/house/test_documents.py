@@ -73,11 +73,9 @@ def test_the_table_of_cameras_is_the_scene() -> None:
     from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 
     text = (ROOT / "docs/environment.md").read_text()
-    for camera in FIXED_CAMERAS:
-        places = " | ".join(
-            ", ".join(f"{value:.2f}" for value in place) for place in (camera.position, camera.target)
-        )
-        assert f"| `{camera.name}` | {places} | {camera.fovy_deg:g}° |" in text
+    for name, (*ends, fovy_deg) in FIXED_CAMERAS.items():
+        places = " | ".join(", ".join(f"{value:.2f}" for value in end) for end in ends)
+        assert f"| `{name}` | {places} | {fovy_deg:g}° |" in text
 
 
 def test_tables_of_pages_are_those_of_the_results_and_the_registry() -> None:

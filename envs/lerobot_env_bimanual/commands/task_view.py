@@ -87,8 +87,7 @@ def _play(config: TaskViewConfig, reason: str) -> None:
     """Play in a window, or write videos if there is a reason why not."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
-    from lerobot_env_bimanual.rendering.film import write_film
-    from lerobot_env_bimanual.rendering.rollout import rollout
+    from lerobot_env_bimanual.rendering.film import rollout, write_film
 
     players = {"expert": expert()}
     if config.checkpoint is not None:

@@ -1,9 +1,9 @@
-"""A film of an episode as one or several players played it, side by side."""
+"""Episodes that are played and kept as states, and films of them, several players side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lerobot_bimanual.cameras import ROOM_CAMERA_NAMES
+from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.rendering.rollout import Rollout
+from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.rendering.viewpoint import frame_of
 from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.scene import SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.world.video import VideoWriter
 
@@ -25,25 +27,52 @@ SEVERAL_WIDTH = 400
 LINE_HEIGHT, LETTERS, GAP = 34, 19, 16
 PAPER, INK, GREY = (255, 255, 255), (32, 34, 40), (112, 116, 126)
 GREEN, RED = (22, 128, 60), (196, 38, 34)
+type Panel = tuple[NDArray[np.uint8], str, str, tuple[int, int, int]]
+"""A picture, the texts at both ends of the line below, and their colour; one other than `INK` also frames the picture."""
 FRAMED_TICKS = 10
 """Of so many states one decides what a camera is turned and zoomed to."""
 
 
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """A picture with a line of text below.
+@dataclass
+class Recording:
+    """States of an episode while it is played.
 
     Attributes:
-        rgb: (height, width, 3) uint8; all panels side by side have the same shape.
-        player: text at the left end of the line.
-        note: text at its right end.
-        color: RGB of both texts; a colour other than `INK` also frames the picture.
+        states: states before every tick, and the last one.
+        keyposes: number of keyposes completed in each of these states.
     """
 
-    rgb: NDArray[np.uint8]
-    player: str
-    note: str
-    color: tuple[int, int, int] = INK
+    states: list[SceneState] = field(default_factory=list)
+    keyposes: list[int] = field(default_factory=list)
+
+    def note(self, env: BimanualEnv) -> None:
+        """Append the state at hand."""
+        self.states.append(env.scene.save_state())
+        self.keyposes.append(env.progress.keyposes)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the episode."""
+        return (len(self.states) - 1) * TICK_S
+
+
+type Rollout = tuple[Recording, EpisodeOutcome]
+"""States of an episode, and what became of it."""
+
+
+def rollout(env: BimanualEnv, seed: int, player: Player) -> Rollout:
+    """Play an episode, and keep every state of it.
+
+    Args:
+        env: environment whose control mode takes the player's actions.
+        seed: seed of the reset.
+        player: expert or policy.
+    """
+    recording = Recording()
+    with env.observed_by(lambda env, _: recording.note(env)):
+        outcome = run_episode(env, seed, player)
+    recording.note(env)
+    return recording, outcome
 
 
 def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, camera: str = "front") -> Path:
@@ -75,14 +104,12 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
             recording, episode = rollouts[player]
             env.scene.restore_state(recording.states[tick])
             env.scene.appearance = env.scene.appearance.wearing(**view)
-            rgb, note = (
-                renderer.render()[camera][0],
-                f"{tick * TICK_S:.1f} s, keypose {recording.keyposes[tick]}",
-            )
+            rgb, _ = renderer.render()[camera]
+            note = f"{tick * TICK_S:.1f} s, keypose {recording.keyposes[tick]}"
             if tick < len(recording.states) - 1:
-                return Panel(rgb, player, note)
+                return rgb, player, note, INK
             verdict, color = ("success", GREEN) if episode.success else ("failure", RED)
-            return Panel(rgb, f"{player} - {verdict}", note, color)
+            return rgb, f"{player} - {verdict}", note, color
 
         caption = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
         writer, is_single = VideoWriter(stem.parent, stem.name, caption), len(rollouts) == 1
@@ -97,21 +124,18 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
 
 def _side_by_side(panels: Sequence[Panel], width: int) -> NDArray[np.uint8]:
     """Panels in a row, their pictures scaled to a width in pixels; both sides are even, as videos need it."""
-    height = round(width * panels[0].rgb.shape[0] / panels[0].rgb.shape[1])
+    height = round(width * panels[0][0].shape[0] / panels[0][0].shape[1])
     sheet = Image.new("RGB", (len(panels) * (width + GAP) + GAP, height + LINE_HEIGHT + 2 * GAP), PAPER)
-    draw, font, baseline = (
-        ImageDraw.Draw(sheet),
-        ImageFont.load_default(LETTERS),
-        GAP + height + LINE_HEIGHT - 9,
-    )
-    for index, panel in enumerate(panels):
-        left, is_plain = GAP + index * (width + GAP), panel.color == INK
-        picture = Image.fromarray(panel.rgb).resize((width, height), Image.Resampling.LANCZOS)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(LETTERS)
+    baseline = GAP + height + LINE_HEIGHT - 9
+    for index, (rgb, player, note, color) in enumerate(panels):
+        left, is_plain = GAP + index * (width + GAP), color == INK
+        picture = Image.fromarray(rgb).resize((width, height), Image.Resampling.LANCZOS)
         sheet.paste(picture, (left, GAP))
         if not is_plain:
-            draw.rectangle((left, GAP, left + width - 1, GAP + height - 1), outline=panel.color, width=4)
-        draw.text((left + 2, baseline), panel.player, fill=panel.color, font=font, anchor="ls")
-        note_color = GREY if is_plain else panel.color
-        draw.text((left + width - 2, baseline), panel.note, fill=note_color, font=font, anchor="rs")
+            draw.rectangle((left, GAP, left + width - 1, GAP + height - 1), outline=color, width=4)
+        draw.text((left + 2, baseline), player, fill=color, font=font, anchor="ls")
+        note_color = GREY if is_plain else color
+        draw.text((left + width - 2, baseline), note, fill=note_color, font=font, anchor="rs")
     rows, columns = (side - side % 2 for side in (sheet.height, sheet.width))
     return np.asarray(sheet)[:rows, :columns]

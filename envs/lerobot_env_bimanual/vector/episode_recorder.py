@@ -15,10 +15,10 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.experts.load import LoadMeter, survives
+from lerobot_env_bimanual.experts.runner import OUT_OF_TIME
 
 PLAYED = "played"
 """Key of the last step's info that holds the whole `Episode`."""
-OUT_OF_TIME = "out of time"
 
 
 class EpisodeRecorder(gym.Wrapper):

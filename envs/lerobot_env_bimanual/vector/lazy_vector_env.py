@@ -34,8 +34,7 @@ from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.options import checked_reset_options, checked_seed
 from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
-from lerobot_env_bimanual.vector.evaluation import Evaluation
-from lerobot_env_bimanual.vector.evaluation_log import EvaluationLog
+from lerobot_env_bimanual.vector.evaluation import Evaluation, EvaluationLog
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone, Settled
 from lerobot_env_bimanual.workers import WorkerDied, end_of, end_with_parent, told
 

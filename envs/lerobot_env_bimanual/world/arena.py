@@ -77,9 +77,8 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     _add_light(spec)
     _add_walls(spec)
     _add_table(spec)
-    for camera in FIXED_CAMERAS:
-        place = (camera.position, camera.target)
-        add_camera(spec.worldbody, camera.name, *place, camera.fovy_deg, up=(0, 0, 1))
+    for name, (position, target, fovy_deg) in FIXED_CAMERAS.items():
+        add_camera(spec.worldbody, name, position, target, fovy_deg, up=(0, 0, 1))
 
 
 def _add_walls(spec: mujoco.MjSpec) -> None:

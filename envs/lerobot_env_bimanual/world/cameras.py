@@ -1,7 +1,5 @@
 """The fixed cameras, and the calibration of all five."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,33 +12,18 @@ OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 """MuJoCo's camera axes (x right, y up, z backward) as columns in OpenCV's (x right, y down, z forward)."""
 
 
-@dataclass(frozen=True)
-class FixedCamera:
-    """A camera that is fixed in the room.
-
-    Attributes:
-        name: one of `lerobot_bimanual.cameras.CAMERA_NAMES`.
-        position: (3,) world, m.
-        target: (3,) world point in the middle of the image, m.
-        fovy_deg: vertical field of view.
-    """
-
-    name: str
-    position: tuple[float, float, float]
-    target: tuple[float, float, float]
-    fovy_deg: float
-
-
 # The arms stand on the x axis and look at each other; furniture stands on the far side (+y) and opens towards the near
 # one and the left, drawers open towards the far one. The front camera looks from the near side and shows both hands at
 # home. The other two look past the arms' shoulders at the table alone, so that things on it are larger: the left one from
 # the far side, low, and the right one from the near side, high, which keeps the backs of furniture out of the way. Of some
 # 200 places on a hemisphere these show most of what the experts' hands go to.
-FIXED_CAMERAS = (
-    FixedCamera("front", (-0.60, -1.52, 1.65), (0.29, -0.04, 1.04), 38.0),
-    FixedCamera("left_shoulder", (-0.70, 0.93, 1.48), (0.24, 0.03, 0.80), 44.0),
-    FixedCamera("right_shoulder", (0.80, -0.97, 2.41), (0.25, -0.06, 0.84), 32.5),
-)
+FIXED_CAMERAS = {
+    "front": ((-0.60, -1.52, 1.65), (0.29, -0.04, 1.04), 38.0),
+    "left_shoulder": ((-0.70, 0.93, 1.48), (0.24, 0.03, 0.80), 44.0),
+    "right_shoulder": ((0.80, -0.97, 2.41), (0.25, -0.06, 0.84), 32.5),
+}
+"""Where each camera of the room is, the point in the middle of its image, both (3,) m in the world, and its vertical field of view
+in degrees."""
 
 
 def calibration(view: SceneView, height: int, width: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
