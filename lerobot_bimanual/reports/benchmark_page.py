@@ -107,9 +107,7 @@ def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
     return shown.rename_axis("task").reset_index()
 
 
-def _training_table(
-    results: Iterable[tuple[Path, BenchmarkResult]], beyond: Mapping[Path, str]
-) -> pd.DataFrame:
+def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Mapping[Path, str]) -> Any:
     """A line for all results of one policy with the same settings, whatever their seeds.
 
     Args:
