@@ -45,7 +45,7 @@ FILM = """
 
 def on_config(config: MkDocsConfig) -> None:
     """Put a page for each task into the navigation."""
-    (tasks,) = [section["Tasks"] for section in config.nav if "Tasks" in section]
+    (tasks,) = [section["Tasks"] for section in config.nav or [] if "Tasks" in section]
     tasks += [f"tasks/{name}.md" for name in list_tasks()]
 
 

@@ -122,9 +122,7 @@ def survival_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame | None:
     return shown.fillna(ABSENT).rename_axis("task").reset_index()
 
 
-def _training_table(
-    results: Iterable[tuple[Path, BenchmarkResult]], beyond: Mapping[Path, str]
-) -> pd.DataFrame:
+def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Mapping[Path, str]) -> Any:
     """A line for all results of one policy with the same settings, whatever their seeds.
 
     Args:

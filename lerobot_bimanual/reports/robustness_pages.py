@@ -94,12 +94,8 @@ def _task(table: pd.DataFrame, results: Results) -> dict[str, Any]:
         for line in table[table.level == 0].itertuples()
     ]
     without = sorted({axis for result in results.values() for axis in result.not_applicable})
-    return {
-        "name": table.task.iloc[0],
-        "table": pd.concat([shown, totals]),
-        "lines": lines,
-        "not_applicable": without,
-    }
+    shown, name = pd.concat([shown, totals]), table.task.iloc[0]
+    return {"name": name, "table": shown, "lines": lines, "not_applicable": without}
 
 
 def expert_robustness_page(reports: Mapping[str, robustness.ExpertRobustnessReport]) -> str:
@@ -120,7 +116,8 @@ def expert_robustness_page(reports: Mapping[str, robustness.ExpertRobustnessRepo
         for each in report.conditions[1:]
     )
     overview = pd.Series({key: _valid_tasks(lines) for key, lines in table.groupby(["axis", "level"])})
-    report = next(iter(reports.values()))
+    first, report = next(iter(reports.items()))
+    solved = _by_level(table[table.task == first].set_index(["axis", "level"]).text)
     magnitudes = {axis.name: f"{axis.name} ({magnitudes_text(axis)})" for axis in report.axes}
     return render(
         "lerobot_bimanual.reports",
@@ -130,9 +127,7 @@ def expert_robustness_page(reports: Mapping[str, robustness.ExpertRobustnessRepo
         overview=_by_level(overview),
         report=report,
         nominal=report.rates(report.nominal),
-        solved=_by_level(table.set_index(["axis", "level"]).text).replace({"axis": magnitudes})
-        if len(reports) == 1
-        else None,
+        solved=solved.replace({"axis": magnitudes}),
     )
 
 
