@@ -4,6 +4,7 @@ Each table is between two comments of its page. Usage: tables.py
 """
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -48,7 +49,7 @@ def _results() -> str:
         return NO_RESULTS
     rates = results_table(read_results(folder).values())
     rates["percent"] = [100 * rate.rate for rate in rates.rate]
-    scored = rates.pivot_table("percent", "task", "policy")
+    scored: Any = rates.pivot_table("percent", "task", "policy")
     shown = scored[[name for name in COLUMNS if name in scored]].rename(columns=COLUMNS)
     open_loop = rates.groupby("task").open_loop.first()
     shown["open loop"] = [100 * rate.rate for rate in open_loop]
