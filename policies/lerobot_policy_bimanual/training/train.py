@@ -30,7 +30,7 @@ from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.dataset.calibration import Calibration
-from lerobot_bimanual.dataset.provenance import check_version
+from lerobot_bimanual.dataset.provenance import Provenance, check_version
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
 from lerobot_bimanual.errors import MAX_MESSAGE, BimanualError, DatasetError, plain
 from lerobot_bimanual.files import check_output_folder, read_json, share_files
@@ -234,6 +234,7 @@ def check_dataset(cfg: TrainPipelineConfig) -> None:
     Raises:
         DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for, or of
             another schema, or with a damaged calibration.
+        BadRecord: its provenance is damaged.
     """
     if cfg.dataset.root is None:
         return
@@ -252,6 +253,7 @@ def check_dataset(cfg: TrainPipelineConfig) -> None:
     info = read_json(root / INFO_FILE)
     features = info.get("features", {})
     check_version(features, root)
+    Provenance.of_dataset(root)
     Calibration.of_features(features)
     total = info.get("total_episodes")
     if outside := [number for number in episodes if not 0 <= number < total]:
