@@ -23,6 +23,7 @@ class Stage:
         left_holds: the prop that moves with the left hand from the end of this stage on, as far as a
             rehearsal without physics can know; it stays held until the gripper opens.
         right_holds: the same of the right hand.
+        turns: a hinge, and its angle in rad at the end; a rehearsal turns it then.
         presses: the prop that the hands press against at the end, and which therefore keeps them from arriving.
     """
 
@@ -34,6 +35,7 @@ class Stage:
     planned: bool = False
     left_holds: str | None = None
     right_holds: str | None = None
+    turns: tuple[str, float] | None = None
     presses: str | None = None
 
     def keypose(self, previous: BimanualKeypose) -> BimanualKeypose:

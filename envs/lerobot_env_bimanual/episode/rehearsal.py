@@ -141,6 +141,8 @@ class _ScriptRun:
             if self._kinematics[arm].margins(joints).min() < self._min_margin:
                 return f"{arm} arm close to a joint limit"
         self._view.move_arms(goals)
+        if stage.turns is not None:
+            self._view.turn(*stage.turns)
         for arm in ARMS:
             self._view.set_gripper(arm, keypose[arm].gripper_open, stage.holds(arm))
         obstacle = self._obstacle(self._checker.contact_rules)
@@ -219,6 +221,11 @@ class RehearsalView(SceneView):
             for _, carried in self._carried.values():
                 carried.follow(self.data)
             self._refresh()
+
+    def turn(self, hinge: str, angle_rad: float) -> None:
+        """Set a hinge of a prop."""
+        self.data.joint(hinge).qpos[:] = angle_rad
+        self._refresh()
 
     def set_gripper(self, arm: Arm, is_open: bool, holds: str | None) -> None:
         """Open or close a hand; an open one carries nothing, a closing one takes `holds` along from now on."""

@@ -130,10 +130,9 @@ class PutBottleInFridge(Task):
         above = grasp.translated((0, 0, ABOVE_BOTTLE_M))
         yield Stage("approach", above, pull(0).advanced(-BEFORE_HANDLE_M), planned=True)
         yield Stage("grasp", grasp, pull(0), left_open=False, right_open=False, left_holds="bottle")
-        yield Stage("open", grasp.translated((0, 0, LIFT_M)), pull(DOOR_RAD[0]))
-        for door_rad in DOOR_RAD[1:-1]:
-            yield Stage("open", right=pull(door_rad))
-        yield Stage("open", hand(VIA_M, bring_yaw_rad), pull(DOOR_RAD[-1]))
+        lift, via = grasp.translated((0, 0, LIFT_M)), hand(VIA_M, bring_yaw_rad)
+        for left, door_rad in zip((lift, None, None, via), DOOR_RAD, strict=True):
+            yield Stage("open", left, pull(door_rad), turns=("fridge_hinge", door_rad))
         yield Stage("bring", left=before_fridge)
         yield Stage("insert", left=release, left_open=True)
         yield Stage("withdraw", left=before_fridge)
