@@ -58,7 +58,8 @@ GRASP_M = 0.065
 FOLD_M = (0.20, 0.10, 1.35)
 """Where the left hand turns first: from home, the arms' ways to bottle and handle cross."""
 ABOVE_BOTTLE_M = 0.15
-LIFT_M = 0.30
+LIFT_Z_M = 1.115
+"""Above the world's floor, from every pedestal: beneath the right wrist, which comes by with the door."""
 VIA_M = (0.22, -0.02, 1.20)
 RELEASE_M = (0.062, 0.02)
 """Offset behind the plane of the opening and from its middle towards the handle's side, in the fridge's axes."""
@@ -130,7 +131,7 @@ class PutBottleInFridge(Task):
         above = grasp.translated((0, 0, ABOVE_BOTTLE_M))
         yield Stage("approach", above, pull(0).advanced(-BEFORE_HANDLE_M), planned=True)
         yield Stage("grasp", grasp, pull(0), left_open=False, right_open=False, left_holds="bottle")
-        lift, via = grasp.translated((0, 0, LIFT_M)), hand(VIA_M, bring_yaw_rad)
+        lift, via = (hand(place, bring_yaw_rad) for place in ((*bottle[:2], LIFT_Z_M), VIA_M))
         for left, door_rad in zip((lift, None, None, via), DOOR_RAD, strict=True):
             yield Stage("open", left, pull(door_rad), turns=("fridge_hinge", door_rad))
         yield Stage("bring", left=before_fridge)
