@@ -33,7 +33,6 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import worker_count
 
-START_METHOD = "forkserver"
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
@@ -68,7 +67,7 @@ class WorkerPool:
         if workers < 0:
             raise InvalidChoice("workers", workers, ["a number of processes", "0 for one per core"])
         os.environ.update(ONE_THREAD)
-        self._context = multiprocessing.get_context(START_METHOD)
+        self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload([__name__, *preload])
         self._limit = worker_count(workers)
         self._executor: ProcessPoolExecutor | None = None
@@ -167,7 +166,7 @@ class WorkerPool:
             with interrupts_ignored():
                 forkserver.ensure_running()
             self._others = {*multiprocessing.active_children()}
-            self._executor = ProcessPoolExecutor(self._limit, self._context, _prepare_worker)
+            self._executor = ProcessPoolExecutor(self._limit, self._context, end_with_parent)
         try:
             future = self._executor.submit(_work, function, items[index])
         except BrokenProcessPool as error:  # an idle worker died since the last submission
@@ -192,10 +191,11 @@ class WorkerPool:
 
 
 def end_with_parent() -> None:
-    """Have this process end when the one that started it does, whatever it is doing then; nothing in a main process."""
+    """Have a worker leave Ctrl-C to the process that started it, and end when that does; nothing in a main process."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # At once, however busy: the process that forked us ends with our parent.
     end_when_parent_ends(signal.SIGKILL)
 
@@ -255,12 +255,6 @@ def told(error: BaseException) -> BimanualError:
         error = WorkFailed(text).with_traceback(error.__traceback__)
     error.add_note("".join(traceback.format_tb(error.__traceback__)))
     return error
-
-
-def _prepare_worker() -> None:
-    """Prepare a worker, which leaves Ctrl-C to its parent and ends with it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
 
 
 def _work(function: Callable[[Any], Any], item: Any) -> Any:
