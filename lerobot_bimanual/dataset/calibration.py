@@ -7,14 +7,15 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, ROOM_CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.results.record import BadRecord, Record
 
 
-class Calibration(BaseModel):
+class Calibration(Record):
     """Intrinsics of all cameras, and poses of those in the room; rows then hold the poses of the wrist cameras alone.
 
     It is in the `info` of the feature `WRIST_EXTRINSICS`, which LeRobot keeps when it merges datasets.
@@ -23,8 +24,6 @@ class Calibration(BaseModel):
         intrinsics: camera -> row-major 3 x 3 pinhole matrix in pixels.
         world_T_camera: camera in the room -> row-major 4 x 4 matrix, OpenCV axes, m.
     """
-
-    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
     intrinsics: dict[str, Annotated[list[float], Field(min_length=9, max_length=9)]]
     world_T_camera: dict[str, Annotated[list[float], Field(min_length=16, max_length=16)]]  # noqa: N815
@@ -57,11 +56,9 @@ class Calibration(BaseModel):
         if schema.CALIBRATION_INFO not in info:
             return None
         try:
-            return cls.model_validate_json(json.dumps(info[schema.CALIBRATION_INFO]))
-        except ValidationError as error:
-            raise DatasetError(
-                f"the calibration in meta/info.json is damaged: {error.errors()[0]['msg']}"
-            ) from None
+            return cls.from_json(json.dumps(info[schema.CALIBRATION_INFO]))
+        except BadRecord as error:
+            raise DatasetError(f"the calibration in meta/info.json is damaged: {error}") from None
 
     @cached_property
     def vectors(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -45,7 +45,7 @@ TRAINED = variant(
     config={"device": "cpu", "evaluation": {"env.episode_length": "9"}}, machine=Machine(cpus=2, gpu="H100")
 )
 RECORDS = (TRAINED, ROBUSTNESS, EXPERT_REPORT, EXPERT, provenance())
-UNPRINTED = {"Marker", "_Info", "_Feature"}
+UNPRINTED = {"Marker", "_Info", "_Feature", "Calibration"}
 """Records whose texts are compared and never printed."""
 
 

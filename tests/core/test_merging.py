@@ -34,6 +34,7 @@ def contents(root: Path) -> dict[str, object]:
     return found
 
 
+@pytest.mark.slow
 def test_the_result_is_that_of_lerobot_and_the_sources_stay_as_they_are(sources, tmp_path) -> None:
     before = [contents(source) for source in sources]
     merge_datasets(sources, tmp_path / "ours")

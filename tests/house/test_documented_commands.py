@@ -45,6 +45,7 @@ def words_after(program: str) -> list[list[str]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "program", ["lerobot-bimanual", "(?<!bimanual-)lerobot-train", "lerobot-bimanual-train", "lerobot-eval"]
 )

@@ -31,6 +31,7 @@ ROWS_PLAYED = 20
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
 
 
+@pytest.mark.slow
 def test_the_page_of_results_and_its_figure_are_those_of_the_rows(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(ROOT)
     page, figure, folder = Path("docs/results.md"), Path("docs/results.png"), Path("results/leaderboard")

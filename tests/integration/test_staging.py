@@ -131,6 +131,7 @@ def of_other_settings(root: Path) -> None:
     write_checksums(root / "keyframes")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "message"),
     [

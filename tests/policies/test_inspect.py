@@ -67,6 +67,7 @@ def count(picture: Image.Image, color: str) -> int:
     return int((abs(np.asarray(picture) / 255 - to_rgb(color)).max(axis=-1) < 0.15).sum())
 
 
+@pytest.mark.slow
 def test_the_command_draws_every_prediction(tiny_checkpoint, dataset, tmp_path, capsys):
     # A root of both views holds them as folders.
     assert run(tiny_checkpoint, dataset.parent, "--index=1", f"--output={tmp_path / 'pictures'}") == 0
@@ -81,6 +82,7 @@ def test_the_command_draws_every_prediction(tiny_checkpoint, dataset, tmp_path, 
         assert count(views, color) > 50
 
 
+@pytest.mark.slow
 def test_accuracy_is_that_of_the_actions(tiny_checkpoint, dataset, capsys):
     policy, preprocess = load_policy(tiny_checkpoint)
     found = measure(policy, preprocess, open_dataset(dataset))

@@ -1,5 +1,6 @@
 """The base of all keypose policies: LeRobot's policy interface around a network that predicts the next keypose."""
 
+import logging
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
@@ -63,6 +64,11 @@ class KeyposePolicy(PreTrainedPolicy):
         config.validate_features()
         fit_config(config, dataset_meta, dataset_stats)
         self.dataset_features: Mapping[str, Any] = {} if dataset_meta is None else dataset_meta.features
+        if dataset_meta is not None:
+            from lerobot_bimanual.resources import shared_memory_problem  # for loaders of a training
+
+            if problem := shared_memory_problem():
+                logging.warning(problem)
         self.codec = config.codec
         self.language = _make_language(config)
         self.network = self.make_network()
