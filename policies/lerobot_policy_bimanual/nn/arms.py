@@ -14,6 +14,9 @@ from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, Translation
 KEYPOSE_NUMBERS = 3 + 3 + 1 + 1
 """Numbers of one keypose: position, rotation, gripper flag and collision flag (PerAct2 code)."""
 
+GOAL_SIGMA = 3.0
+"""Width of the mark of another arm's goal, in voxels or pixels."""
+
 
 class IndependentArms(nn.Module):
     """Predicts each arm's keypose from the scene and that arm's own proprioception.
@@ -45,6 +48,7 @@ class LeaderFollower(nn.Module):
 
     The leader's keypose, as numbers from -1 to 1, extends the follower's proprioception: the label in training (teacher
     forcing), otherwise the leader's most probable keypose. Bins have no gradient, so none passes between the networks.
+    With `mark`, the follower also sees in its scene where the leader goes.
 
     Args:
         make_network: builds a network for one arm, given `proprio_dim`, the length of its proprioception. It is called
@@ -52,6 +56,8 @@ class LeaderFollower(nn.Module):
         proprio_dim: numbers of proprioception per arm, without the leader's keypose.
         leader: the arm that decides first.
         codec: the discretisation of keyposes.
+        mark: adds a channel to a scene that marks voxels (b, 3), see `near`; None for the paper's follower, which has the
+            numbers only. `make_network` then also gets `goal_channels=1`.
     """
 
     def __init__(
@@ -61,12 +67,15 @@ class LeaderFollower(nn.Module):
         proprio_dim: int,
         leader: Arm,
         codec: TorchKeyposeCodec,
+        mark: Callable[[Tensor, Tensor], Tensor] | None = None,
     ):
         super().__init__()
         self.leading_arm = leader
         self.codec = codec
+        self.mark = mark
         self.leader = make_network(proprio_dim=proprio_dim)
-        self.follower = make_network(proprio_dim=proprio_dim + KEYPOSE_NUMBERS)
+        goal = {} if mark is None else {"goal_channels": 1}
+        self.follower = make_network(proprio_dim=proprio_dim + KEYPOSE_NUMBERS, **goal)
 
     def forward(
         self, scene: Any, proprio: Tensor, language: Tensor, target: KeyposeBins | None = None
@@ -86,10 +95,10 @@ class LeaderFollower(nn.Module):
         bodies = dict(zip(ARMS, proprio.chunk(len(ARMS), dim=-1), strict=True))
         targets = {arm: None if target is None else one_arm(target, arm) for arm in ARMS}
         leader = self.leader(scene, bodies[leading], language, targets[leading])
-        plan = self._numbers(targets[leading] or leader.best())
-        follower = self.follower(
-            scene, torch.cat([bodies[following], plan], dim=-1), language, targets[following]
-        )
+        goal = targets[leading] or leader.best()
+        told = torch.cat([bodies[following], self._numbers(goal)], dim=-1)
+        seen = scene if self.mark is None else self.mark(scene, goal.voxel[:, 0])
+        follower = self.follower(seen, told, language, targets[following])
         predictions = {leading: leader, following: follower}
         return join_arms([predictions[arm] for arm in ARMS])
 
@@ -133,6 +142,20 @@ class JointTranslation:
     def probabilities(self) -> Tensor:
         """Probabilities (b, arms, v, v, v) of all voxels."""
         return torch.cat([part.probabilities() for part in self.parts], dim=1)
+
+
+def near(index: Tensor, size: int) -> Tensor:
+    """How near each place on an axis is to some: 1 there, less by a Gaussian of `GOAL_SIGMA` places.
+
+    Args:
+        index: (...) places on the axis, from 0.
+        size: places on the axis.
+
+    Returns:
+        (..., size) float32.
+    """
+    distance = torch.arange(size, device=index.device) - index[..., None]
+    return torch.exp(-((distance / GOAL_SIGMA) ** 2) / 2)
 
 
 def join_arms(predictions: Sequence[KeyposePrediction]) -> KeyposePrediction:

@@ -75,16 +75,26 @@ class PerActNetwork(nn.Module):
         config: all sizes.
         arms: arms to predict; they share the latents evenly.
         proprio_dim: numbers in the proprioception vector.
+        goal_channels: channels of the grid, behind its own, that mark the goal of another arm.
+        joint: decode the second arm given the first one's voxel; with two arms.
     """
 
-    def __init__(self, config: PerActConfig, *, arms: int, proprio_dim: int):
+    def __init__(
+        self,
+        config: PerActConfig,
+        *,
+        arms: int,
+        proprio_dim: int,
+        goal_channels: int = 0,
+        joint: bool = False,
+    ):
         super().__init__()
         channels, token_dim = config.channels, config.token_dim
         self.rotation_bins = config.codec.rotation_bins
         self.patches = config.voxel_size // PATCH
         dense = config.translation_head == "dense"
         self.quadratic_features = config.quadratic_features
-        inputs = GRID_CHANNELS + (QUADRATIC.stop - QUADRATIC.start) * self.quadratic_features
+        inputs = GRID_CHANNELS + goal_channels + (QUADRATIC.stop - QUADRATIC.start) * self.quadratic_features
         self.stem = PointwiseConv3d(inputs, channels)
         self.language_filters = (
             LanguageFilters(config.language_dim, inputs, channels) if config.language_filters else None
@@ -103,6 +113,7 @@ class PerActNetwork(nn.Module):
         self.pose_heads = nn.ModuleList(
             _pose_head(self.translation.feature_dim, outputs) for _ in range(arms)
         )
+        self.goal = GoalOfOther(token_dim, self.patches) if joint else None
         if config.compile:
             self.compile()  # in place: the names in the checkpoint stay the same
 
@@ -112,7 +123,7 @@ class PerActNetwork(nn.Module):
         """Predict the next keypose of every arm.
 
         Args:
-            grid: (b, 10, v, v, v) as made by `voxelise`.
+            grid: (b, 10, v, v, v) as made by `voxelise`, with `goal_channels` more behind.
             proprio: (b, proprio_dim).
             language: (b, language_tokens, language_dim).
             target: label of the arms in training; see `FactorisedTranslationHead`.
@@ -128,6 +139,11 @@ class PerActNetwork(nn.Module):
         answers = self.perceiver(tokens, tokens[:, language.shape[1] :])  # (b, arms, p^3, token_dim)
         answers = answers.transpose(2, 3).unflatten(-1, (self.patches,) * 3)
         target_voxel = None if target is None else target.voxel
+        if self.goal is not None:
+            first = target_voxel
+            if first is None:
+                first = self.translation(stem, patch_map, answers, None)[0].candidates().best()
+            answers = self.goal(answers, first[:, 0])
         translation, features = self.translation(stem, patch_map, answers, target_voxel)
         logits = torch.stack([head(features[:, arm]) for arm, head in enumerate(self.pose_heads)], dim=1)
         rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(
@@ -135,6 +151,40 @@ class PerActNetwork(nn.Module):
         )
         rotation = rotation.unflatten(-1, (3, self.rotation_bins))
         return KeyposePrediction(translation, rotation, gripper_open, ignore_collisions)
+
+
+class GoalOfOther(nn.Module):
+    """Tells the second arm, at every patch, where the first arm's goal lies from there.
+
+    The arms' voxels are drawn from p(first) p(second | first) instead of a product of marginals.
+
+    Args:
+        token_dim: width of the answers.
+        patches: patches per axis.
+    """
+
+    def __init__(self, token_dim: int, patches: int):
+        super().__init__()
+        self.patches = patches
+        last = nn.Linear(HIDDEN[1], token_dim)
+        init_linear(last)
+        self.layers = nn.Sequential(
+            ActivatedLinear(4, HIDDEN[1]), ActivatedLinear(HIDDEN[1], HIDDEN[1]), last
+        )
+
+    def forward(self, answers: Tensor, voxel: Tensor) -> Tensor:
+        """Add to the second arm's answers.
+
+        Args:
+            answers: (b, 2, token_dim, p, p, p).
+            voxel: (b, 3), the first arm's.
+        """
+        centres = PATCH * torch.arange(self.patches, device=voxel.device) + PATCH // 2
+        lattice = torch.stack(torch.meshgrid(centres, centres, centres, indexing="ij"), dim=-1)
+        offset = (voxel[:, None, None, None] - lattice) / (PATCH * self.patches)  # (b, p, p, p, 3)
+        distance = offset.norm(dim=-1, keepdim=True)
+        told = self.layers(torch.cat([offset, distance], dim=-1)).movedim(-1, 1)
+        return torch.stack([answers[:, 0], answers[:, 1] + told], dim=1)
 
 
 def _translation_head(config: PerActConfig, arms: int) -> Any:

@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 
 from lerobot_bimanual.geometry.workspace import Workspace
+from lerobot_policy_bimanual.nn.arms import near
 
 GRID_CHANNELS = 10
 """Mean xyz [m], mean RGB in [-1, 1], voxel index / voxels, occupancy 0 or 1 (PerAct2 code)."""
@@ -58,6 +59,13 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         return grid
 
 
+def with_goal(grid: Tensor, voxel: Tensor) -> Tensor:
+    """A grid (b, c, v, v, v) and, behind its channels, one that is 1 at voxels (b, 3) and falls off around them."""
+    x, y, z = near(voxel, grid.shape[-1]).to(grid.dtype).unbind(1)
+    mark = x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]
+    return torch.cat([grid, mark[:, None]], dim=1)
+
+
 def with_quadratic_features(grid: Tensor) -> Tensor:
-    """A grid (b, 10, v, v, v) and, behind its channels, the squares of `QUADRATIC`: (b, 16, v, v, v)."""
+    """A grid (b, c, v, v, v) and, behind its channels, the squares of `QUADRATIC`: (b, c + 6, v, v, v)."""
     return torch.cat([grid, grid[:, QUADRATIC].square()], dim=1)

@@ -13,6 +13,10 @@ from lerobot_policy_bimanual.peract.config import PerActConfig
 class PerAct2Config(PerActConfig):
     """PerAct2: one Perceiver IO over voxels for both arms."""
 
+    # Decode the right arm's position given the left one's. Without it the arms choose independently of each other, as in
+    # the paper.
+    joint_decoding: bool = False
+
     def __post_init__(self):
         """Refuse latents that two arms cannot share."""
         super().__post_init__()

@@ -20,4 +20,9 @@ class PerAct2Policy(PerActPolicy):
 
     def make_network(self) -> PerActNetwork:
         """One network for both arms."""
-        return PerActNetwork(self.config, arms=len(ARMS), proprio_dim=len(ARMS) * PROPRIO_PER_ARM)
+        return PerActNetwork(
+            self.config,
+            arms=len(ARMS),
+            proprio_dim=len(ARMS) * PROPRIO_PER_ARM,
+            joint=self.config.joint_decoding,
+        )

@@ -11,6 +11,7 @@ from lerobot_policy_bimanual.keypose.observation import PROPRIO_PER_ARM
 from lerobot_policy_bimanual.nn.arms import LeaderFollower
 from lerobot_policy_bimanual.peract.network import PerActNetwork
 from lerobot_policy_bimanual.peract.policy import PerActPolicy
+from lerobot_policy_bimanual.peract.voxel_grid import with_goal
 from lerobot_policy_bimanual.peract_lf.configuration_peract_lf import PerActLFConfig
 
 
@@ -28,4 +29,5 @@ class PerActLFPolicy(PerActPolicy):
             proprio_dim=PROPRIO_PER_ARM,
             leader=Arm(self.config.leader),
             codec=self.codec,
+            mark=with_goal if self.config.follower_sees_goal else None,
         )

@@ -32,6 +32,8 @@ class RVTLFConfig(KeyposePolicyConfig):
     depth: int = number(8, 2, 64)
     heatmap_sigma_px: float = number(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
     leader: str = choice("right", "left")  # the arm that decides first, `left` or `right` (the paper's)
+    # The follower sees the leader's goal, as one more channel of its views; in the paper it has its numbers only.
+    follower_sees_goal: bool = False
 
     def __post_init__(self):
         """Refuse sizes that do not fit together, too.

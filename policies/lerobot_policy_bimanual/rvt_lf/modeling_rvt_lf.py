@@ -15,6 +15,7 @@ from lerobot_policy_bimanual.nn.arms import LeaderFollower
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.point_renderer import render_views
+from lerobot_policy_bimanual.rvt_lf.views import with_goal
 
 
 class RVTLFPolicy(KeyposePolicy):
@@ -31,6 +32,7 @@ class RVTLFPolicy(KeyposePolicy):
             proprio_dim=PROPRIO_PER_ARM,
             leader=Arm(self.config.leader),
             codec=self.codec,
+            mark=with_goal if self.config.follower_sees_goal else None,
         )
 
     def scene(self, observation: Observation) -> Tensor:

@@ -24,17 +24,19 @@ class RVTNetwork(nn.Module):
     Args:
         config: all sizes.
         proprio_dim: numbers in the proprioception vector.
+        goal_channels: channels of the views, behind their own, that mark the goal of another arm.
     """
 
-    def __init__(self, config: RVTLFConfig, *, proprio_dim: int):
+    def __init__(self, config: RVTLFConfig, *, proprio_dim: int, goal_channels: int = 0):
         super().__init__()
         channels, token_dim, patch = config.channels, config.token_dim, config.patch
         self.rotation_bins = config.codec.rotation_bins
         self.heatmap_sigma_px = config.heatmap_sigma_px
         self.patches = config.voxel_size // patch
-        self.stem = layers.Conv2d(VIEW_CHANNELS, channels, 1, activated=True)
+        inputs = VIEW_CHANNELS + goal_channels
+        self.stem = layers.Conv2d(inputs, channels, 1, activated=True)
         self.language_filters = (
-            LanguageFilters(config.language_dim, VIEW_CHANNELS, channels) if config.language_filters else None
+            LanguageFilters(config.language_dim, inputs, channels) if config.language_filters else None
         )
         self.patchify = layers.PatchConv2d(channels, token_dim // 2, patch)
         self.proprio = layers.NormedLinear(proprio_dim, token_dim // 2)
@@ -67,7 +69,7 @@ class RVTNetwork(nn.Module):
         """Predict the next keypose of one arm.
 
         Args:
-            views: (b, 5, 10, size, size) as made by `render_views`.
+            views: (b, 5, 10, size, size) as made by `render_views`, with `goal_channels` more behind.
             proprio: (b, proprio_dim).
             language: (b, language_tokens, language_dim).
             target: not used.
@@ -94,7 +96,7 @@ class RVTNetwork(nn.Module):
         """Stem features (b 5, channels, size, size) of views (b, 5, 10, size, size), with language-conditioned filters."""
         if self.language_filters is None:
             return self.stem(views.flatten(0, 1))
-        filters = self.language_filters(language)  # (b, channels, 11)
+        filters = self.language_filters(language)  # (b, channels, inputs + 1)
         weight = self.stem.weight.flatten(1) + filters[..., :-1]
         bias = self.stem.bias + filters[..., -1]
         pixels = torch.baddbmm(bias[..., None], weight, views.transpose(1, 2).flatten(2))

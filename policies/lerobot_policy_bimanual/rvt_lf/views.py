@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from lerobot_policy_bimanual.nn.arms import near
+
 X, Y, Z, MINUS_X, MINUS_Y, MINUS_Z = range(6)
 """Signed axes of the workspace, as indices into coordinates followed by mirrored coordinates."""
 
@@ -57,6 +59,13 @@ def pixels_of_voxels(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
     """
     both = torch.cat([voxel, size - 1 - voxel], dim=-1)
     return both[..., ROWS], both[..., COLUMNS]
+
+
+def with_goal(images: Tensor, voxel: Tensor) -> Tensor:
+    """Views (b, views, c, size, size) and, behind their channels, one that is 1 where voxels (b, 3) are seen and falls off."""
+    rows, columns = (near(pixels, images.shape[-1]) for pixels in pixels_of_voxels(voxel, images.shape[-1]))
+    mark = (rows[..., :, None] * columns[..., None, :]).to(images.dtype)  # (b, views, size, size)
+    return torch.cat([images, mark[:, :, None]], dim=2)
 
 
 def sum_over_views(images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
