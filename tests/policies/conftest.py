@@ -50,6 +50,13 @@ TINY_PERACTS = {
 TINY_RVT = TINY | {"voxel_size": 15, "patch": 5, "attention_dim": 32, "heatmap_sigma_px": 0.5}
 """Sizes of the smallest RVT with every part in it."""
 
+TINY_RVTS = {"views": TINY_RVT, "filters": TINY_RVT | {"language_filters": True}}
+
+
+def with_option(variant: str, option: str, variants: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The variants, of which one has an option set that only this policy has."""
+    return variants | {variant: variants[variant] | {option: True}}
+
 
 class Specimen(NamedTuple):
     """What the tests that walk all policies know of one.
@@ -64,10 +71,12 @@ class Specimen(NamedTuple):
 
 
 SPECIMENS = {
-    "peract2": Specimen(66_180_794, TINY_PERACTS),
+    "peract2": Specimen(66_180_794, with_option("factorised", "joint_decoding", TINY_PERACTS)),
     "peract_independent": Specimen(2 * 33_240_669, TINY_PERACTS),
-    "peract_lf": Specimen(33_240_669 + 33_241_181, TINY_PERACTS),
-    "rvt_lf": Specimen(72_696_698, {"views": TINY_RVT, "filters": TINY_RVT | {"language_filters": True}}),
+    "peract_lf": Specimen(
+        33_240_669 + 33_241_181, with_option("factorised", "follower_sees_goal", TINY_PERACTS)
+    ),
+    "rvt_lf": Specimen(72_696_698, with_option("filters", "follower_sees_goal", TINY_RVTS)),
 }
 """By policy type. The parameter counts are those of the reference implementations (PerAct2 code)."""
 
