@@ -3,6 +3,7 @@
 Each table is between two comments of its page. Usage: tables.py
 """
 
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def _results() -> str:
     scored: Any = rates.pivot_table("percent", "task", "policy")
     shown = scored[[name for name in COLUMNS if name in scored]].rename(columns=COLUMNS)
     open_loop = rates.groupby("task").open_loop.first()
-    shown["open loop"] = [100 * rate.rate for rate in open_loop]
+    shown["open loop"] = [100 * rate.rate if rate else nan for rate in open_loop]
     shown.loc["mean"] = shown.mean(skipna=False)
     shown = shown.map(lambda percent: ABSENT if percent != percent else f"{percent:.0f}")
     lines = [

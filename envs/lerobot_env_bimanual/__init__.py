@@ -18,12 +18,16 @@ if TYPE_CHECKING or "lerobot" in sys.modules:
 if TYPE_CHECKING:
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import play_expert
+    from lerobot_env_bimanual.gym_env import make_env
+    from lerobot_env_bimanual.vector.policy_evaluation import evaluate
 
-__all__ = ["BimanualEnv", "BimanualEnvConfig", "list_tasks", "play_expert"]
+__all__ = ["BimanualEnv", "BimanualEnvConfig", "evaluate", "list_tasks", "make_env", "play_expert"]
 
 _MODULES = {
     "BimanualEnv": "env",
     "BimanualEnvConfig": "configuration_bimanual",
+    "evaluate": "vector.policy_evaluation",
+    "make_env": "gym_env",
     "play_expert": "experts.runner",
 }
 """Where each name is defined."""

@@ -69,7 +69,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
     @property
     def gym_kwargs(self) -> dict[str, Any]:
         """Keyword arguments of `BimanualEnv` besides the task."""
-        return self.keywords()
+        return self.keywords() | {"results_dir": None}
 
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
@@ -112,5 +112,8 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
 
         make = partial(BimanualEnv, task, **self.gym_kwargs)
         return LazyVectorEnv(
-            [make] * n_envs, asynchronous=use_async_envs and n_envs > 1, evaluation=evaluation
+            [make] * n_envs,
+            asynchronous=use_async_envs and n_envs > 1,
+            evaluation=evaluation,
+            results_dir=self.results_dir,
         )

@@ -57,7 +57,7 @@ class BimanualEnv(gym.Env):
 
     Args:
         task: registered task name.
-        options: everything else that can be chosen; by default the defaults.
+        options: everything else that can be chosen but `results_dir`, which `make_env` takes; by default the defaults.
         render_mode: only "rgb_array".
         keywords: single options by name; they win over `options`.
 
@@ -88,6 +88,10 @@ class BimanualEnv(gym.Env):
         spec = self.task_definition.spec
         self.task = spec.name
         self.options = EnvOptions.of(**((options or EnvOptions()).keywords() | keywords))
+        if self.options.results_dir is not None:
+            raise InvalidChoice(
+                "results_dir", self.options.results_dir, "given to `make_env`, which records episodes"
+            )
         self._variation = spec.variation_index(self.options.variation)
         self.render_mode = render_mode
         self.last_action = EMPTY_ACTION

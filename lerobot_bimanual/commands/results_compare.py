@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.benchmark import Scored, read_scored
 from lerobot_bimanual.results.comparison import Comparison, check_trainings
 from lerobot_bimanual.results.record import result_paths
 from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
@@ -19,8 +19,9 @@ from lerobot_bimanual.terminal import print_table, say, show_next
 class ResultsCompareConfig:
     """Flags of the command `results compare`."""
 
-    first: Path = field(kw_only=True)  # result of one benchmark, a JSON file, or a folder of results
-    second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
+    # Result of one benchmark, or record of one evaluation, a JSON file, or a folder of them.
+    first: Path = field(kw_only=True)
+    second: Path = field(kw_only=True)  # another one on the same task and variation, or a folder
     first_policy: str | None = None  # of a folder with several policies, the one that is meant
     second_policy: str | None = None  # likewise
 
@@ -58,27 +59,26 @@ def results_compare(config: ResultsCompareConfig) -> None:
         )
     comparisons = {place: Comparison(first[place], second[place]) for place in shared}
     for name, path, results in (("first", config.first, first), ("second", config.second, second)):
-        settings = results[shared[0]][0].config
-        say(f"{name:<7} {settings.policy_id} ({settings.recipe}), {path}")  # too long for a column
+        say(f"{name:<7} {results[shared[0]][0].policy_id}, {path}")  # too long for a column
     _print_comparisons(comparisons)
     show_next("lerobot-bimanual", "results", "report", f"--results={config.first}")
 
 
-def _results(path: Path, policy: str | None, flag: str) -> dict[str, tuple[BenchmarkResult, ...]]:
+def _results(path: Path, policy: str | None, flag: str) -> dict[str, tuple[Scored, ...]]:
     """Trainings of one policy in a file or folder, by what they are scored on."""
-    results = {each: BenchmarkResult.read(each) for each in result_paths(path)}
-    policies = sorted({result.config.policy_id for result in results.values()})
+    results = {each: read_scored(each) for each in result_paths(path)}
+    policies = sorted({result.policy_id for result in results.values()})
     if policy is None and len(policies) > 1:
         raise BimanualError(
             f"{path} holds results of several policies; choose one with --{flag}={'|'.join(policies)}"
         )
     if policy is not None and policy not in policies:
         raise InvalidChoice(flag, policy, policies)
-    chosen = {each: one for each, one in results.items() if policy in (None, one.config.policy_id)}
+    chosen = {each: one for each, one in results.items() if policy in (None, one.policy_id)}
     check_trainings(chosen)
-    found: defaultdict[str, list[BenchmarkResult]] = defaultdict(list)
-    for result in sorted(chosen.values(), key=lambda result: result.config.seed):
-        found[result.config.eval_key].append(result)
+    found: defaultdict[str, list[Scored]] = defaultdict(list)
+    for result in chosen.values():
+        found[result.eval_key].append(result)
     return {key: tuple(group) for key, group in found.items()}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from math import nan
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -15,17 +16,19 @@ from lerobot_bimanual.benchmark.recipes import GROUP as RECIPE_GROUP
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.pages import render
-from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.benchmark import BenchmarkResult, Scored, read_scored
 from lerobot_bimanual.results.comparison import check_comparable
+from lerobot_bimanual.results.episode import success_rate, survival_rate
 from lerobot_bimanual.results.record import result_paths
 from lerobot_bimanual.results.statistics import SuccessRate
 
 NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
+BASELINES = ("expert", "open_loop")
 
 
 def benchmark_page(
-    results: Mapping[Path, BenchmarkResult],
+    results: Mapping[Path, Scored],
     folder: Path,
     figure: str | None = None,
 ) -> str:
@@ -40,8 +43,9 @@ def benchmark_page(
         BimanualError: the results are not comparable, or no command trains one of an installed recipe again. The message names the file.
     """
     check_comparable(results)
-    ordered = sorted(results.items(), key=lambda item: (item[1].config.eval_key, item[1].config.policy_id))
-    installed = [(path, each) for path, each in ordered if each.config.policy in entries(RECIPE_GROUP)]
+    ordered = sorted(results.items(), key=lambda item: (item[1].eval_key, item[1].policy_id))
+    trained = [(path, each) for path, each in ordered if isinstance(each, BenchmarkResult)]
+    installed = [(path, each) for path, each in trained if each.config.policy in entries(RECIPE_GROUP)]
     commands, beyond = {}, {}
     for path, each in installed:
         try:
@@ -52,68 +56,71 @@ def benchmark_page(
     return render(
         "lerobot_bimanual.reports",
         "benchmark.md",
-        recipe=ordered[0][1].config.recipe,
+        recipe=trained[0][1].config.recipe if trained else None,
         folder=folder.as_posix(),
         success=success_table(results.values()),
         survival=survival_table(each for _, each in ordered),
         figure=figure,
-        training=_training_table(ordered, beyond),
+        training=_training_table(trained, beyond) if trained else None,
         command=[*commands.values()][-1] if commands else None,
     )
 
 
-def read_results(place: Path) -> dict[Path, BenchmarkResult]:
+def read_results(place: Path) -> dict[Path, Scored]:
     """The results in a file, or in the files of a folder, by file.
 
     Raises:
         BimanualError: there are none, one is wrong, or has the name of another result.
     """
-    results = {path: BenchmarkResult.read(path) for path in result_paths(place)}
+    results = {path: read_scored(path) for path in result_paths(place)}
     for path, result in results.items():
-        if path.name != result.config.file_name:
+        if isinstance(result, BenchmarkResult) and path.name != result.config.file_name:
             raise BimanualError(
                 f"{path}: a file with this result must be named {result.config.file_name}; rename it"
             )
     return results
 
 
-def results_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
-    """One line per result, sorted: `task`, `policy`, `seed`, and the success rates `rate`, `expert` and `open_loop`."""
-    return pd.DataFrame(
-        {
-            "task": each.config.eval_key,
-            "policy": each.config.policy_id,
-            "seed": each.config.seed,
-            "rate": each.rates["policy"],
-            "expert": each.rates["expert"],
-            "open_loop": each.rates["open_loop"],
-        }
-        for each in results
-    ).sort_values(["task", "policy", "seed"])
+def results_table(results: Iterable[Scored]) -> pd.DataFrame:
+    """One line per result, sorted: `task`, `policy`, `seed`, and the success rates `rate`, `expert` and `open_loop`.
+
+    On tasks that no benchmark has scored, the last two are None.
+    """
+    rows, baselines = [], {}
+    for each in results:
+        seed = each.config.seed if isinstance(each, BenchmarkResult) else each.policy.get("seed", 0)
+        row = {"task": each.eval_key, "policy": each.policy_id, "seed": seed}
+        rows.append(row | {"rate": success_rate(each.episodes)})
+        if isinstance(each, BenchmarkResult):
+            baselines[each.eval_key] = {name: each.rates[name] for name in BASELINES}
+    absent = dict.fromkeys(BASELINES)
+    return pd.DataFrame(row | baselines.get(row["task"], absent) for row in rows).sort_values(
+        ["task", "policy", "seed"]
+    )
 
 
-def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
+def success_table(results: Iterable[Scored]) -> pd.DataFrame:
     """The policies, the expert and the open-loop baseline side by side, one line per task."""
     table: Any = results_table(results)
     shown = table.pivot_table("rate", "task", "policy", _success_cell, fill_value=ABSENT)
     shown = shown.rename(index="`{}`".format, columns="`{}`".format)
-    baselines = table.groupby("task")[["expert", "open_loop"]].first()
-    shown["expert"] = [str(rate.successes) for rate in baselines.expert]
-    shown["open loop"] = [*map(_score, baselines.open_loop)]
+    baselines = table.drop_duplicates("task")[[*BASELINES]]
+    shown["expert"] = [ABSENT if rate is None else str(rate.successes) for rate in baselines.expert]
+    shown["open loop"] = [ABSENT if rate is None else _score(rate) for rate in baselines.open_loop]
     if len(shown) > 1:
         shares = table.assign(share=[rate.rate for rate in table.rate]).pivot_table("share", "task", "policy")
         means = [*shares.mean(skipna=False)]  # of policies that were scored on all tasks
-        means += [fmean(rate.rate for rate in baselines[name].tolist()) for name in baselines]
+        means += [fmean(nan if rate is None else rate.rate for rate in baselines[name]) for name in BASELINES]
         shown.loc[f"mean of {len(shown)}"] = [ABSENT if mean != mean else f"{mean:.1%}" for mean in means]
     return shown.rename_axis("task").reset_index()
 
 
-def survival_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame | None:
+def survival_table(results: Iterable[Scored]) -> pd.DataFrame | None:
     """How many test episodes real arms would have gone through; None where no result says it."""
     rows = [
-        {"task": f"`{each.config.eval_key}`", "policy": f"`{each.config.policy_id}`", "of": each.survival}
+        {"task": f"`{each.eval_key}`", "policy": f"`{each.policy_id}`", "of": rate}
         for each in results
-        if each.survival is not None
+        if (rate := survival_rate(each.episodes)) is not None
     ]
     if not rows:
         return None

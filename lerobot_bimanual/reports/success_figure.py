@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from lerobot_bimanual.files import write_file
 from lerobot_bimanual.reports.benchmark_page import results_table
-from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.benchmark import Scored
 from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
 
 INK, GREY, PALE = "#202228", "#70747e", "#dee0e5"
@@ -64,7 +64,7 @@ class Chart:
 
 
 @styled
-def success_figure(rows: Sequence[BenchmarkResult]) -> Chart:
+def success_figure(rows: Sequence[Scored]) -> Chart:
     """One group of lines per task: its policies, the expert and the open-loop baseline.
 
     Args:
@@ -81,7 +81,8 @@ def success_figure(rows: Sequence[BenchmarkResult]) -> Chart:
     y, labels, said = 0.0, {}, ["Successes."]
     for task, of_task in table.groupby("task"):
         lines = {name: ([*rates], *styles[name]) for name, rates in of_task.groupby("policy").rate}
-        lines |= {label: ([of_task[key].iloc[0]], *style) for key, label, *style in BASELINES}
+        baselines = {label: ([of_task[key].iloc[0]], *style) for key, label, *style in BASELINES}
+        lines |= {label: line for label, line in baselines.items() if line[0] != [None]}
         labels[y + (len(lines) - 1) / 2] = task
         counts = []
         for name, (rates, marker, color) in lines.items():

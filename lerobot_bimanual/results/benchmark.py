@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, JsonValue, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
@@ -18,7 +19,7 @@ from lerobot_bimanual.results.episode import (
     success_rate,
 )
 from lerobot_bimanual.results.evaluation import EvaluationRecord, WorldVersion, eval_key, perturbed
-from lerobot_bimanual.results.record import Name, Record, Text, require
+from lerobot_bimanual.results.record import BadRecord, Name, Record, Text, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
 Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
@@ -232,10 +233,14 @@ class BenchmarkResult(Record):
         return EvaluationRecord(schema_version=2, **{name: getattr(self, name) for name in shared})
 
     @property
-    def survival(self) -> SuccessRate | None:
-        """Test episodes that real arms would have gone through; None if that was not recorded."""
-        known = [episode.survived for episode in self.episodes if episode.survived is not None]
-        return SuccessRate(sum(known), len(known)) if known else None
+    def eval_key(self) -> str:
+        """Name of what is scored."""
+        return self.config.eval_key
+
+    @property
+    def policy_id(self) -> str:
+        """The policy, with what it learned from if that is not its nominal task alone."""
+        return self.config.policy_id
 
     @property
     def rates(self) -> dict[str, SuccessRate]:
@@ -245,3 +250,21 @@ class BenchmarkResult(Record):
             "expert": success_rate(self.expert),
             "open_loop": success_rate(self.open_loop),
         }
+
+
+type Scored = BenchmarkResult | EvaluationRecord
+"""A policy's episodes on one task, with how it was trained or without."""
+
+
+def read_scored(path: Path) -> Scored:
+    """The result or the record in a file.
+
+    Raises:
+        BadRecord: it holds neither.
+    """
+    try:
+        return EvaluationRecord.read(path)
+    except BadRecord as error:
+        if "schema_version" not in str(error):
+            raise
+        return BenchmarkResult.read(path)

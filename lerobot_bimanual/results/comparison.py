@@ -11,11 +11,12 @@ import pandas as pd
 
 from lerobot_bimanual.distributions import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.benchmark import BenchmarkResult, Scored
 from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.statistics import SuccessRate, sign_flip_p_value
 
-type Results = Mapping[Path, BenchmarkResult]
+type Results = Mapping[Path, Scored]
 
 DATASET_NAMES = ("repo_id",)
 """Settings of demonstrations that do not decide their content."""
@@ -33,12 +34,12 @@ class Comparison:
         BimanualError: the results differ in task, variation, world or simulation, or share no seed.
     """
 
-    first: tuple[BenchmarkResult, ...]
-    second: tuple[BenchmarkResult, ...]
+    first: tuple[Scored, ...]
+    second: tuple[Scored, ...]
 
     def __post_init__(self) -> None:
         results = (*self.first, *self.second)
-        _check_equal(((result.config.file_name, result) for result in results), _facts_of_episodes)
+        _check_equal(((f"{each.eval_key}_{each.policy_id}", each) for each in results), _facts_of_episodes)
         if not self.seeds:
             raise BimanualError("the results share no seed; evaluate both on the same --first_seed")
 
@@ -133,7 +134,9 @@ def check_trainings(results: Results) -> None:
     _check_equal(results.items(), _facts_of_training)
     first: dict[tuple[str, str, str], Path] = {}
     for path, result in results.items():
-        key = (result.config.eval_key, result.config.policy_id, result.checkpoint_sha256)
+        is_record = isinstance(result, EvaluationRecord)
+        weights = result.policy.get("sha256", "") if is_record else result.checkpoint_sha256
+        key = (result.eval_key, result.policy_id, str(weights))
         if (other := first.setdefault(key, path)) != path:
             raise BimanualError(
                 f"{path} has the weights of {other}, so it is not another training; remove one of the files"
@@ -141,8 +144,8 @@ def check_trainings(results: Results) -> None:
 
 
 def _check_equal(
-    results: Iterable[tuple[object, BenchmarkResult]],
-    facts: Callable[[BenchmarkResult], Mapping[str, object]],
+    results: Iterable[tuple[object, Scored]],
+    facts: Callable[[Scored], Mapping[str, object]],
 ) -> None:
     """Refuse results, each with its name or file, of which facts of equal names differ."""
     first: dict[str, tuple[object, object]] = {}
@@ -156,23 +159,28 @@ def _check_equal(
                 )
 
 
-def _facts_of_episodes(result: BenchmarkResult) -> dict[str, object]:
-    versions = {package: result.versions[package] for package in SIMULATION_PACKAGES}
-    return {"what is played": result.config.eval_key, "world": result.world, "versions": versions}
+def _facts_of_episodes(result: Scored) -> dict[str, object]:
+    versions = {package: result.versions.get(package) for package in SIMULATION_PACKAGES}
+    split = result.options.get("split")
+    return {"what is played": result.eval_key, "split": split, "world": result.world, "versions": versions}
 
 
-def _facts_of_table(result: BenchmarkResult) -> dict[str, object]:
-    key = result.config.eval_key
-    return {
-        "recipe": result.config.recipe,
-        "versions": _facts_of_episodes(result)["versions"],
-        f"world of {result.task}, {key}": result.world,
-        f"expert on {key}": _outcomes(result.expert),
-        f"open-loop baseline on {key}": _outcomes(result.open_loop),
-    }
+def _facts_of_table(result: Scored) -> dict[str, object]:
+    key, facts = result.eval_key, _facts_of_episodes(result)
+    shared = {name: facts[name] for name in ("split", "versions")}
+    shared |= {f"world of {result.task}, {key}": result.world}
+    if isinstance(result, BenchmarkResult):
+        shared |= {
+            "recipe": result.config.recipe,
+            f"expert on {key}": _outcomes(result.expert),
+            f"open-loop baseline on {key}": _outcomes(result.open_loop),
+        }
+    return shared | {f"seeds on {key}": [episode.seed for episode in result.episodes]}
 
 
-def _facts_of_training(result: BenchmarkResult) -> dict[str, object]:
+def _facts_of_training(result: Scored) -> dict[str, object]:
+    if isinstance(result, EvaluationRecord):
+        return {f"options of {result.policy_id} on {result.eval_key}": result.options}
     config, settings = result.config, result.demonstrations.settings
     measured = config.model_dump(exclude={"seed", "training"}) | config.training
     demonstrated = {name: value for name, value in settings.items() if name not in DATASET_NAMES}

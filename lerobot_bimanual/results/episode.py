@@ -143,3 +143,9 @@ ProvedEpisodes = Annotated[Episodes, AfterValidator(_proved)]
 def success_rate(episodes: Sequence[Episode]) -> SuccessRate:
     """Successes among episodes."""
     return SuccessRate(sum(episode.success for episode in episodes), len(episodes))
+
+
+def survival_rate(episodes: Sequence[Episode]) -> SuccessRate | None:
+    """Episodes that real arms would have gone through; None if that was not recorded."""
+    known = [episode.survived for episode in episodes if episode.survived is not None]
+    return SuccessRate(sum(known), len(known)) if known else None

@@ -73,6 +73,16 @@ class EvaluationRecord(EvaluationHead):
         """Setting of the episodes."""
         return str(self.options.get("setting", STANDARD))
 
+    @property
+    def eval_key(self) -> str:
+        """Name of what was played: the task, or one variation of it, with its setting and perturbations."""
+        return eval_key(self.task, self.options.get("variation", "any"), self.perturb, self.setting)
+
+    @property
+    def policy_id(self) -> str:
+        """What played, as far as the environment was told."""
+        return str(self.policy.get("type", "unnamed"))
+
 
 def perturbed(name: str, perturb: str) -> str:
     """A name with the perturbations of its world, `AXIS:LEVEL,...`; the name itself in the nominal world."""

@@ -7,6 +7,7 @@ import pytest
 from sample_results import RESULT, proved, put, reported, variant
 from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition, result
 
+from lerobot_bimanual.cli import main
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.robustness_pages import expert_robustness_page, robustness_page
@@ -38,6 +39,21 @@ def test_a_page_of_benchmarks_has_a_line_per_task_and_a_column_per_policy(result
     another_training(results, episodes=proved("xxxx"))
     put(results, variant(config={"policy": "theirs"}))  # which is not installed
     assert page_of(results, figure="results.png") == snapshot
+
+
+def test_a_policy_whose_training_is_unknown_is_compared_and_reported(results: Path, capsys):
+    record, place = RESULT.evaluation.model_copy(update={"policy": {"type": "alone"}}), results / "alone.json"
+    record.write(place)
+    page = page_of(results)
+    assert re.search(r"\| +`alone` \| +`mine` \| +`other` \| +expert", page)
+    assert "2/4 (15% to 85%)" in page_of(place)
+    assert "recipe" not in page_of(place)
+    ours = results / "lift_ball_other_small_seed1000.json"
+    assert main(["results", "compare", f"--first={place}", f"--second={ours}"]) == 0
+    assert "equal on 4" in capsys.readouterr().out
+    record.model_copy(update={"options": {"split": "val"}}).write(place)
+    assert main(["results", "compare", f"--first={place}", f"--second={ours}"]) == 1
+    assert "split is 'test', but 'val' in lift_ball_alone" in capsys.readouterr().err
 
 
 def test_a_page_says_how_many_episodes_real_arms_would_have_gone_through_where_that_is_known(results: Path):

@@ -167,5 +167,5 @@ def test_results_that_cannot_be_replayed_here_are_refused(tmp_path):
         path.write_text(path.read_text().replace(digits, "0" * len(digits)))
         with pytest.raises(BimanualError, match=message):
             results_diagnose(ResultsDiagnoseConfig(results=path, workers=1))
-    with pytest.raises(InvalidChoice, match="policy is 'peract2', but must be left out"):
+    with pytest.raises(InvalidChoice, match="policy is 'peract2', but must be one of: record"):
         results_diagnose(ResultsDiagnoseConfig(results=path, policy="peract2"))

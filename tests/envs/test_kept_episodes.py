@@ -50,8 +50,10 @@ class Program:
         who = Evaluation(
             {"type": policy} if policy else {}, seeds, self._random_state, self._set_random_state
         )
-        make = partial(BimanualEnv, "lift_ball", obs="state", results_dir=str(folder), **options)
-        self.envs = LazyVectorEnv([make] * 2, asynchronous=asynchronous, evaluation=who)
+        make = partial(BimanualEnv, "lift_ball", obs="state", **options)
+        self.envs = LazyVectorEnv(
+            [make] * 2, asynchronous=asynchronous, evaluation=who, results_dir=str(folder)
+        )
 
     def run(self, steps: int = 1000) -> "Program":
         """Evaluate; the process ends after so many steps."""

@@ -23,8 +23,8 @@ def records(tmp_path_factory):
     """Four episodes: solved by keyposes, the first of them again by joint actions, failed, and without a tick."""
     folder = tmp_path_factory.mktemp("records")
     seen = {"image_size": 24, "cameras": "front,left_wrist"}
-    options = {"obs": "state", "results_dir": str(folder), **seen}
-    envs = LazyVectorEnv([partial(BimanualEnv, "lift_ball", **options)], asynchronous=False)
+    make = partial(BimanualEnv, "lift_ball", obs="state", **seen)
+    envs = LazyVectorEnv([make], asynchronous=False, results_dir=str(folder))
     (env,) = envs._ensure().envs
     joint_actions = []
     for seed, end in ((3, None), (4, "joint"), (5, "stop"), (6, "at once")):

@@ -55,10 +55,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
         check_output_file(config.output)
     results = [ResultFile.read(path) for path in result_paths(config.results)]
     if config.policy is not None:
-        policies = sorted({result.policy_id for result in results if result.policy_id})
+        policies = sorted({result.policy_id for result in results})
         if config.policy not in policies:
-            valid = policies or "left out, since no result of `policy benchmark` is there"
-            raise InvalidChoice("policy", config.policy, valid)
+            raise InvalidChoice("policy", config.policy, policies)
         results = [result for result in results if result.policy_id == config.policy]
     content: dict[str, list[dict[str, Any]]] = {}
     groups: dict[str, list[Attribution]] = {}

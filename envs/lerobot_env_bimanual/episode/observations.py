@@ -55,6 +55,16 @@ def dataset_key(key: str) -> str:
     return schema.STATE if key == "agent_pos" else f"observation.{key}"
 
 
+def dataset_row(observation: Mapping[str, Any]) -> dict[str, Any]:
+    """An observation as a row of a `LeRobotDataset` has it: its keys, and colours as float32 (3, H, W) in [0, 1]."""
+    vectors = dict(observation)
+    colours = {
+        schema.image_key(camera): np.ascontiguousarray(np.moveaxis(rgb, -1, 0), np.float32) / 255
+        for camera, rgb in vectors.pop(PIXELS, {}).items()
+    }
+    return colours | {dataset_key(key): value for key, value in vectors.items()}
+
+
 def observation_space(options: EnvOptions) -> spaces.Dict:
     """Space of the observations that `observe` returns."""
     size = options.size

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -44,15 +44,15 @@ class Evaluation:
 
     Attributes:
         policy: as in `EvaluationHead`; empty if unknown.
-        seeds: seeds of the episodes that were asked for, batch after batch; None if unknown. Others only fill up the last
-            batch, and are not played.
+        seeds: seeds of the episodes that were asked for; None if unknown. Others only fill up the last batch, and are not
+            played.
         random_state: the state of all random numbers of the process, as a text.
         set_random_state: brings the random numbers back into such a state.
         trained_worlds: task -> version of the world in which the policy learned it, where its config says so.
     """
 
     policy: Mapping[str, str | int] = field(default_factory=dict)
-    seeds: range | None = None
+    seeds: Sequence[int] | None = None
     random_state: Callable[[], str] = str
     set_random_state: Callable[[str], object] = str
     trained_worlds: Mapping[str, str] = field(default_factory=dict)

@@ -15,6 +15,7 @@ import multiprocessing
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from multiprocessing import connection, forkserver
 from multiprocessing.process import BaseProcess
@@ -81,14 +82,14 @@ class _InWorker(gym.Wrapper):
             raise CarriedError(told(error)) from error
 
 
-def _make_held(make_env: Callable[[], BimanualEnv]) -> gym.Env:
+def _make_held(make_env: Callable[[], BimanualEnv], recorded: bool) -> gym.Env:
     env = make_env()
-    return HoldAfterDone(env if env.options.results_dir is None else EpisodeRecorder(env))
+    return HoldAfterDone(EpisodeRecorder(env) if recorded else env)
 
 
-def _make_in_worker(make_env: Callable[[], BimanualEnv]) -> gym.Env:
+def _make_in_worker(make_env: Callable[[], BimanualEnv], recorded: bool) -> gym.Env:
     end_with_parent()
-    return _InWorker(_make_held(make_env))
+    return _InWorker(_make_held(make_env, recorded))
 
 
 @contextlib.contextmanager
@@ -117,7 +118,7 @@ class LazyVectorEnv(VectorEnv):
     way only one task's environments hold processes and memory. It can be used again after `close`. Automatic
     resets happen at the step after an episode's end and change nothing, see `HoldAfterDone`.
 
-    With the option `results_dir`, an episode that was played before is not played again: it is over, as it was then, after
+    With `results_dir`, an episode that was played before is not played again: it is over, as it was then, after
     one step. Where its frames are asked for before that, it is played by its recorded actions. So LeRobot's loop goes on
     where it was interrupted, and what it sums up is whole.
 
@@ -126,6 +127,7 @@ class LazyVectorEnv(VectorEnv):
             for its spaces and metadata.
         asynchronous: one process per environment instead of one after the other in this process.
         evaluation: who is evaluated on which seeds.
+        results_dir: folder of the record of the episodes.
 
     Raises:
         BimanualError: `results_dir` holds another evaluation of the task.
@@ -137,9 +139,10 @@ class LazyVectorEnv(VectorEnv):
         *,
         asynchronous: bool,
         evaluation: Evaluation | None = None,
+        results_dir: str | None = None,
     ):
         make = _make_in_worker if asynchronous else _make_held
-        self._make_envs = [partial(make, make_env) for make_env in make_envs]
+        self._make_envs = [partial(make, make_env, results_dir is not None) for make_env in make_envs]
         self._asynchronous = asynchronous
         self._running: SyncVectorEnv | AsyncVectorEnv | None = None
         self._lock = threading.Lock()
@@ -152,8 +155,8 @@ class LazyVectorEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._action_lengths = example.action_lengths
-        who = evaluation or Evaluation()
-        self._episodes = EvaluationLog(example.task, example.options, self.num_envs, who)
+        who, options = evaluation or Evaluation(), replace(example.options, results_dir=results_dir)
+        self._episodes = EvaluationLog(example.task, options, self.num_envs, who)
         self._settled: dict[int, Episode | None] = {}
         self._replayed: dict[int, Iterator[NDArray | InvalidAction]] = {}
         example.close()

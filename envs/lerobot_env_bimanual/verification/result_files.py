@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.benchmark import read_scored
 from lerobot_bimanual.results.episode import Episode
-from lerobot_bimanual.results.evaluation import EvaluationRecord, eval_key
-from lerobot_bimanual.results.record import BadRecord
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -24,12 +23,12 @@ class ResultFile:
     Attributes:
         path: the file.
         record: the episodes that were played.
-        benchmark: the benchmark result around them; None for a record that `lerobot-eval` has left.
+        policy_id: the policy and what it learned from; the file's name where that is unknown.
     """
 
     path: Path
     record: EvaluationRecord
-    benchmark: BenchmarkResult | None
+    policy_id: str
 
     @classmethod
     def read(cls, path: Path) -> ResultFile:
@@ -38,31 +37,16 @@ class ResultFile:
         Raises:
             BimanualError: the file is not a result, or its task is not installed.
         """
-        try:
-            record, benchmark = EvaluationRecord.read(path), None
-        except BadRecord as error:
-            if "schema_version" not in str(error):
-                raise
-            benchmark = BenchmarkResult.read(path)
-            record = benchmark.evaluation
+        scored = read_scored(path)
+        is_record = isinstance(scored, EvaluationRecord)
+        record, is_unnamed = scored if is_record else scored.evaluation, is_record and not scored.policy
         get_task(record.task)
-        return cls(path, record, benchmark)
-
-    @property
-    def policy_id(self) -> str:
-        """The policy and what it learned from; "" if unknown, as in an evaluation record."""
-        return "" if self.benchmark is None else self.benchmark.config.policy_id
+        return cls(path, record, path.stem if is_unnamed else scored.policy_id)
 
     @property
     def name(self) -> str:
         """What was evaluated and the policy; several trainings of one policy share a name."""
-        return f"{self.place} {self.policy_id or self.path.stem}"
-
-    @property
-    def place(self) -> str:
-        """Task, or one of its variations, with its perturbations."""
-        record = self.record
-        return eval_key(record.task, record.options.get("variation", "any"), record.perturb, record.setting)
+        return f"{self.record.eval_key} {self.policy_id}"
 
     @property
     def world_problem(self) -> str:

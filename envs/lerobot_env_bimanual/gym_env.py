@@ -1,0 +1,92 @@
+"""The environment as `gymnasium.make` gives it: with LeRobot's keys, or with a record of its episodes, where that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal, get_args
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from lerobot_bimanual.errors import InvalidChoice
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.observations import PIXELS, dataset_row
+from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
+from lerobot_env_bimanual.vector.evaluation import Evaluation, EvaluationLog
+
+Keys = Literal["gymnasium", "lerobot"]
+
+
+def make_env(
+    task: str, *, keys: Keys = "gymnasium", render_mode: str | None = "rgb_array", **options: Any
+) -> gym.Env:
+    """A task as an environment, the same as of `gymnasium.make("bimanual/LiftBall-v0", ...)`.
+
+    Args:
+        task: its name.
+        keys: `gymnasium` for the observations of `BimanualEnv`; `lerobot` for rows as a `LeRobotDataset` has them, in which
+            colours are float32 (3, H, W) in [0, 1].
+        render_mode: only "rgb_array".
+        options: of `EnvOptions`. With `results_dir`, `close` leaves a record of the episodes there.
+
+    Raises:
+        BimanualError: an option is outside its choices, or `results_dir` holds another record.
+    """
+    chosen = EnvOptions.of(**options)
+    bare = BimanualEnv(task, options=replace(chosen, results_dir=None), render_mode=render_mode)
+    env = bare if chosen.results_dir is None else _Recorded(bare, chosen)
+    return _LeRobotKeys(env) if checked_keys(keys) == "lerobot" else env
+
+
+def checked_keys(keys: Any) -> Keys:
+    """The names of an observation's arrays.
+
+    Raises:
+        InvalidChoice: there are no such names.
+    """
+    if keys not in get_args(Keys):
+        raise InvalidChoice("keys", keys, get_args(Keys))
+    return keys
+
+
+class _LeRobotKeys(gym.ObservationWrapper):
+    """Gives observations as rows of a `LeRobotDataset`."""
+
+    def __init__(self, env: gym.Env):
+        super().__init__(env)
+        found: Any = env.observation_space
+        space: dict[str, Any] = {**found}
+        colours = {
+            camera: np.empty(box.shape, np.uint8) for camera, box in dict(space.pop(PIXELS, {})).items()
+        }
+        rows = dataset_row({PIXELS: colours})
+        images: dict[str, Any] = {key: spaces.Box(0, 1, row.shape, np.float32) for key, row in rows.items()}
+        self.observation_space = spaces.Dict(images | dataset_row(space))
+
+    def observation(self, observation: Mapping[str, Any]) -> dict[str, Any]:
+        return dataset_row(observation)
+
+
+class _Recorded(EpisodeRecorder):
+    """Keeps each episode in the folder `results_dir` when it ends."""
+
+    def __init__(self, env: BimanualEnv, options: EnvOptions):
+        super().__init__(env)
+        self._log = EvaluationLog(env.task, options, 1, Evaluation())
+
+    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
+        observation, info = super().reset(**arguments)
+        self._log.begin({0: info["seed"]})
+        return observation, info
+
+    def _recorded(self, transition: Any) -> Any:
+        *others, terminated, truncated, info = super()._recorded(transition)
+        self._log.note(np.array([terminated or truncated]), {key: [value] for key, value in info.items()})
+        return *others, terminated, truncated, info
+
+    def close(self) -> None:
+        super().close()
+        self._log.close()

@@ -1,0 +1,113 @@
+"""Scores a policy that is a Python object, and leaves the record that LeRobot's evaluation leaves."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import batched
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from lerobot_bimanual.errors import BimanualError, check_range
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.observations import dataset_row
+from lerobot_env_bimanual.gym_env import Keys, checked_keys
+from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.vector.evaluation import Evaluation, record_name
+from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
+
+
+def evaluate(
+    policy: Any,
+    task: str,
+    seeds: Iterable[int] = range(50),
+    *,
+    name: str = "",
+    keys: Keys = "gymnasium",
+    environments: int = 1,
+    progress: bool = True,
+    **options: Any,
+) -> EvaluationRecord:
+    """Play episodes of a task with a policy, and record them.
+
+    The record is that of `lerobot-eval --env.results_dir`: `lerobot-bimanual results` verifies, diagnoses, compares and reports
+    its files. What the policy raises ends the evaluation.
+
+    Args:
+        policy: a callable from an observation to an action, 16 numbers for a tick or 18 of a keypose; or an object whose
+            `select_action` is one. If it has a `reset`, that is called before each episode. The observation is that of
+            `make_env`, with the instruction as `task`.
+        task: name of the task.
+        seeds: of the episodes, of the split `test` by default.
+        name: what tables call the policy. A name in a `results_dir` stands for one policy: an evaluation that was interrupted
+            goes on when it is called again. Without it the folder must be a new one.
+        keys: of the observation, as for `make_env`.
+        environments: played side by side, each in a process of its own; a policy with `reset` plays one.
+        progress: whether to show a bar.
+        options: of `EnvOptions`, such as `setting`, `variation`, `image_size`, `cameras`, `video_dir` and `results_dir`.
+
+    Raises:
+        BimanualError: an option is outside its choices, the folder holds another evaluation, or no action is of a length that
+            the environment takes.
+    """
+    checked_keys(keys)
+    wanted = sorted({*seeds})
+    check_range("the number of seeds", len(wanted), 1)
+    check_range("environments", environments, 1)
+    reset, act = getattr(policy, "reset", None), getattr(policy, "select_action", policy)
+    if reset is not None and environments > 1:
+        raise BimanualError("a policy with `reset` remembers one episode: evaluate it with environments=1")
+    chosen = EnvOptions.of(**options)
+    with tempfile.TemporaryDirectory() as elsewhere:
+        folder = chosen.results_dir or elsewhere
+        envs = LazyVectorEnv(
+            [partial(BimanualEnv, task, options=replace(chosen, results_dir=None))] * environments,
+            asynchronous=environments > 1,
+            evaluation=Evaluation({"type": name} if name else {}, wanted),
+            results_dir=folder,
+        )
+        try:
+            with tqdm(total=len(wanted), desc=task, unit="episode", disable=not progress) as bar:
+                solved = 0
+                for batch in batched(wanted, environments):
+                    if reset is not None:
+                        reset()
+                    solved += _play(envs, act, batch, keys)
+                    bar.set_postfix(solved=solved, refresh=False)
+                    bar.update(len(batch))
+        finally:
+            envs.close()
+        return EvaluationRecord.read(Path(folder) / record_name(task, chosen))
+
+
+def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> int:
+    """Play an episode of each seed; returns how many were solved."""
+    filled: list[int | None] = [
+        *seeds,
+        *(seeds[-1] + 1 + index for index in range(envs.num_envs - len(seeds))),
+    ]
+    observations, info = envs.reset(seed=filled)
+    actions: list[Any] = [np.zeros(envs.single_action_space.shape or ())] * envs.num_envs
+    over = np.arange(envs.num_envs) >= len(seeds)
+    while not over.all():
+        for index in np.flatnonzero(~over):
+            observation = _single(observations, index)
+            observation = dataset_row(observation) if keys == "lerobot" else observation
+            actions[index] = act(observation | {"task": str(info["instruction"][index])})
+        observations, _, terminated, truncated, info = envs.step(actions)
+        over |= terminated | truncated
+    return int(np.sum(info["is_success"][: len(seeds)]))
+
+
+def _single(observations: dict[str, Any], index: int) -> dict[str, Any]:
+    """The observation of one environment among those of several."""
+    return {
+        key: _single(value, index) if isinstance(value, dict) else value[index]
+        for key, value in observations.items()
+    }
