@@ -23,7 +23,7 @@ class Stage:
         left_holds: the prop that moves with the left hand from the end of this stage on, as far as a
             rehearsal without physics can know; it stays held until the gripper opens.
         right_holds: the same of the right hand.
-        turns: a hinge, and its angle in rad at the end; a rehearsal turns it then.
+        turns: a hinge or slide of a prop, and where it is at the end, rad or m; a rehearsal sets it then.
         presses: the prop that the hands press against at the end, and which therefore keeps them from arriving.
     """
 

@@ -222,9 +222,9 @@ class RehearsalView(SceneView):
                 carried.follow(self.data)
             self._refresh()
 
-    def turn(self, hinge: str, angle_rad: float) -> None:
-        """Set a hinge of a prop."""
-        self.data.joint(hinge).qpos[:] = angle_rad
+    def turn(self, joint: str, position: float) -> None:
+        """Set a hinge or slide of a prop, rad or m."""
+        self.data.joint(joint).qpos[:] = position
         self._refresh()
 
     def set_gripper(self, arm: Arm, is_open: bool, holds: str | None) -> None:

@@ -11,8 +11,8 @@ through each other, so that they never jam. The item falls 4 cm onto the drawer'
 24 cm, as far as both arms reach, instead of the whole workspace.
 
 In the setting `varied` seven numbers decide: the cabinet's place, heading and height (legs longer by up to 8 cm), and where on
-its top the item lies, and how it is turned. Handles are round knobs, 56 mm wide, and the item is 6 cm wide: both nearly fill
-the open hand.
+its top the item lies, and how it is turned. Handles are round knobs on rubber, 56 mm wide, and the item is 6 cm wide: both
+nearly fill the open hand.
 
 A hand must have held the item: otherwise an arm that sweeps over the cabinet may push it off the top and pull the top drawer
 open under it in one go.
@@ -47,7 +47,11 @@ ITEM_OFFSET_M = (0.025, 0.10)
 
 VARIED_RISE_M = 0.08
 VARIED_CABINET = DrawerCabinet(
-    "cabinet", handle_half_length_m=0.002, handle_radius_m=0.028, longer_legs_m=VARIED_RISE_M
+    "cabinet",
+    handle_half_length_m=0.002,
+    handle_radius_m=0.028,
+    handle_gives_m=0.012,
+    longer_legs_m=VARIED_RISE_M,
 )
 VARIED_ITEM = replace(ITEM, size_m=(0.06, 0.06, 0.04))
 VARIED_AREA = PlacementArea(center_m=(0.34, -0.12), half_size_m=(0.14, 0.09), half_yaw_rad=np.deg2rad(22.5))
@@ -59,6 +63,8 @@ VARIED_YAW_RAD = np.deg2rad(30.0)
 BEFORE_HANDLE_M = 0.10
 PULL_M = 0.23
 AWAY_M = 0.03
+ELBOW_ROOM_M = 0.03
+"""Between the opened drawer and the left elbow, which may stand over it. (A rehearsal does not look at the forearm.)"""
 
 # The right hand: straight down, its fingers side by side along the front.
 HOVER_M, GRASP_M = 0.078, 0.018
@@ -66,7 +72,7 @@ HOVER_M, GRASP_M = 0.078, 0.018
 DROP_OFFSET_M = (0.08, 0.11)
 """Offset from the middle of the drawer's handle before it is pulled, in the cabinet's axes."""
 DROP_ABOVE_HANDLE_M = 0.02
-DROP_TILT_RAD = np.deg2rad(25.0)
+DROP_TILT_RAD, VARIED_DROP_TILT_RAD = np.deg2rad(25.0), np.deg2rad(30.0)
 """The hand leans away from the cabinet, so that the forearm clears it."""
 
 
@@ -121,15 +127,17 @@ class PutItemInDrawer(Task):
             (*item.position[:2], top_m + GRASP_M), approach=(0, 0, -1), opening=item.rotation[:, 0]
         )
         hover = _at_height(grasp, top_m + HOVER_M)
-        # A rehearsal, which moves no drawer, drops the item in front of the cabinet all the same.
+        # For a rehearsal: opened further than it will be.
+        opened = (f"{CABINET.drawer(level)}_slide", PULL_M + ELBOW_ROOM_M)
         x, y = np.add(DROP_OFFSET_M, (0, CABINET.handle(level)[1]))
-        down = (0, 0, -np.cos(DROP_TILT_RAD)) - np.sin(DROP_TILT_RAD) * out
+        tilt_rad = VARIED_DROP_TILT_RAD if scene.is_varied else DROP_TILT_RAD
+        down = (0, 0, -np.cos(tilt_rad)) - np.sin(tilt_rad) * out
         over = Pose.looking((*cabinet.apply((x, y, 0))[:2], top_m + HOVER_M), approach=down, opening=across)
         drop = _at_height(over, handle[2] + DROP_ABOVE_HANDLE_M)
 
         yield Stage("approach", bar.advanced(-BEFORE_HANDLE_M), hover, planned=True)
         yield Stage("grasp", bar, grasp, left_open=False, right_open=False, right_holds="item")
-        yield Stage("pull", pulled, hover, left_open=True)
+        yield Stage("pull", pulled, hover, left_open=True, turns=opened)
         yield Stage("bring", pulled.advanced(-AWAY_M), over)
         yield Stage("drop", right=drop, right_open=True)
         yield Stage("withdraw", right=over)
