@@ -1,17 +1,10 @@
 """What the benchmarks share: CPU times, a table for people, and the same figures as one line of JSON."""
 
 import argparse
-import contextlib
-import ctypes
 import json
 import os
-import resource
-import shlex
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
 
@@ -21,7 +14,6 @@ from lerobot_bimanual.terminal import print_table
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 type Figures = dict[str, float]
-PR_SET_CHILD_SUBREAPER = 36
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:
@@ -50,32 +42,6 @@ def interleaved_cpu_s(works: Sequence[Callable[[], object]], rounds: int) -> lis
     """The least CPU seconds of each of several pieces of work, measured in turns so that they meet the same machine."""
     turns = [[cpu_s(work) for work in works] for _ in range(rounds)]
     return [min(times) for times in zip(*turns, strict=True)]
-
-
-def command_cpu_s(words: Sequence[str | Path], folder: Path | None = None) -> float:
-    """CPU seconds of a program of this environment and of all processes that it starts."""
-    program = Path(sys.executable).with_name(str(words[0]))
-    prctl = ctypes.CDLL(None).prctl
-    prctl(PR_SET_CHILD_SUBREAPER, 1)  # orphans become our children, whose time is counted
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    started = subprocess.Popen(
-        [program, *map(str, words[1:])],
-        cwd=folder,
-        env=os.environ | {"HF_HUB_OFFLINE": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    printed, errors = started.communicate()
-    if started.returncode != 0:
-        sys.exit(f"{shlex.join(map(str, words))}\n{printed[-1000:]}\n{errors[-3000:]}")
-    with contextlib.suppress(ChildProcessError):
-        while True:  # a server of worker processes ends after its parent
-            os.waitpid(-started.pid, 0)
-    prctl(PR_SET_CHILD_SUBREAPER, 0)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def report(title: str, rows: dict[str, Figures]) -> None:

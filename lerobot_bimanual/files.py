@@ -13,16 +13,12 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
-
-import yaml
+from typing import Any
 
 from lerobot_bimanual.errors import BimanualError
 
 MAX_BYTES = 2**26
 """Larger than any result or config; a larger file is not read."""
-MAX_YAML_BYTES, MAX_YAML_DEPTH = 2**16, 20
-"""Of a YAML file, whose reader is slow, and which people write."""
 
 
 class UnwritableOutput(BimanualError):
@@ -179,32 +175,9 @@ def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
         BimanualError: the file cannot be read, or is not JSON; the message names it.
     """
     try:
-        return json.loads(read_file(path, max_bytes), parse_constant=_refuse_constant)
+        return json.loads(read_file(path, max_bytes))
     except (ValueError, RecursionError, BimanualError) as error:
         raise BimanualError(f"{path}: {error}") from error
-
-
-def read_yaml(path: Path) -> Any:
-    """The value in a YAML file of another program: no anchors, which let a short file stand for an endless one.
-
-    Raises:
-        BimanualError: the file cannot be read, is not YAML, is too large or too deep, or has an anchor; the message names it.
-    """
-    try:
-        content, depth = read_file(path, MAX_YAML_BYTES), 0
-        for event in yaml.parse(content, yaml.SafeLoader):
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if getattr(event, "anchor", None) or depth > MAX_YAML_DEPTH:
-                raise BimanualError(
-                    f"YAML with anchors, or of more than {MAX_YAML_DEPTH} levels, is not read"
-                )
-        return yaml.safe_load(content)
-    except (ValueError, yaml.YAMLError, BimanualError) as error:
-        raise BimanualError(f"{path}: {' '.join(str(error).split())}") from error
-
-
-def _refuse_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not a number of JSON")
 
 
 def bring_to_disk(path: str | Path) -> None:

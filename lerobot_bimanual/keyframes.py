@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lerobot_bimanual.arms import JOINTS_PER_ARM
-from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.arms import JOINT_ACTION_DIM, JOINTS_PER_ARM, by_arm
 
 STILL_RAD = 5e-5
 """Change of a commanded joint per frame below which it rests: 0.001 rad/s at 20 Hz."""

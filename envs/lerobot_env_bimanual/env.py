@@ -12,16 +12,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
-from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import Condition, on_the_way
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
-from lerobot_env_bimanual.episode.arm_limits import StepLimiter
 from lerobot_env_bimanual.episode.observations import observation_space
 from lerobot_env_bimanual.episode.one_thread import one_thread_at_a_time
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
-from lerobot_env_bimanual.episode.reset import MAX_DRAWS
 from lerobot_env_bimanual.motion.planner import KeyposeFailure
 from lerobot_env_bimanual.options import EnvOptions, checked_reset_options, checked_seed
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
@@ -29,7 +27,7 @@ from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
-from lerobot_env_bimanual.worlds import World, Worlds
+from lerobot_env_bimanual.worlds import MAX_DRAWS, World, Worlds
 
 GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
@@ -49,7 +47,7 @@ class BimanualEnv(gym.Env):
     The reward is 1 at success and 0 before. `info` holds, after reset and every step, `is_success`, `conditions`
     (name -> met now), `failure` (empty while there is none), `ticks`, `line_fallbacks` (straight lines replaced by
     joint-space motions because an arm could not follow them), `clipped_ticks` and `clipped_rad` (see
-    `lerobot_env_bimanual.episode.arm_limits`), and the episode's `seed` and `instruction`.
+    `lerobot_env_bimanual.episode.actions`), and the episode's `seed` and `instruction`.
 
     An episode is determined by task, setting, split, seed, variation and perturbations, bit for bit. Construction is cheap:
     each set of props is compiled at the first reset that draws it, OpenGL starts at the first image, and both come back after `close`.
@@ -98,7 +96,6 @@ class BimanualEnv(gym.Env):
         self.tick_observers: list[TickObserver] = []
         self.step_observers: list[Callable[[], None]] = []
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
-        self._limiter = StepLimiter(PANDA_PAIR)
         self.action_space = self._actions.space
         self.observation_space = observation_space(self.options)
         self.perturbations = Perturbations(self.options.perturb, spec, self.options.split)
@@ -266,7 +263,7 @@ class BimanualEnv(gym.Env):
 
     def _tick(self, wanted: NDArray[np.float32]) -> None:
         scene, progress, stop = self.scene, self.progress, self._world.stop
-        joint_action = self._limiter.limited(wanted, progress)
+        joint_action = self._actions.limited(wanted, progress)
         for observer in self.tick_observers:
             observer(self, joint_action)
         progress.ask(wanted, joint_action)

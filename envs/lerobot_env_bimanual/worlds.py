@@ -1,17 +1,134 @@
-"""The compiled worlds of one environment: one per set of props, made when an episode first has it."""
+"""The compiled worlds of one environment, one per set of props, and how episodes begin and are stopped in them."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from lerobot_env_bimanual.episode.arm_limits import ProtectiveStop, max_force_n
+import numpy as np
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.episode.observations import ObservationRenderer
-from lerobot_env_bimanual.episode.reset import EpisodeReset
+from lerobot_env_bimanual.episode.progress import EpisodeProgress
+from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
-from lerobot_env_bimanual.task import Task
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Task, TaskSpec
+from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
+from lerobot_env_bimanual.world.contact_forces import ContactForces, felt
 from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
+
+MAX_DRAWS = 200
+CODECS = (None, KeyposeCodec())
+PROTECTIVE_STOP = "protective stop"
+"""Beginning of the failure of an episode that ended so."""
+MAX_FORCE_N = 100.0
+"""With which an arm may press, unless the task has a bound of its own."""
+MAX_PRESS_S = 0.1
+"""For how long it may press harder."""
+
+type Perturb = Callable[[Task, Scene, EpisodeProgress, Callable[[], bool]], None]
+"""Changes an episode that can be done as it is, after its props were placed and before they come to rest.
+
+It may ask whether both arms can do the task in the present scene, by a rehearsal of the script.
+"""
+
+
+class EpisodeReset:
+    """Starts episodes of one task in one scene.
+
+    Args:
+        task: whose props are placed, and whose script is rehearsed.
+        scene: its world.
+        perturb: changes every episode.
+        is_patched: whether the model of `scene` differs from the task's; placements are then drawn in one that does not.
+    """
+
+    def __init__(self, task: Task, scene: Scene, perturb: Perturb, is_patched: bool = False):
+        self._task = task
+        self._scene = scene
+        self._perturb = perturb
+        self._rehearsal = Rehearsal(scene, CODECS)
+        self._drawn_in = Scene(scene.props, setting=scene.setting) if is_patched else scene
+        self._first_rehearsal = Rehearsal(self._drawn_in, CODECS) if is_patched else self._rehearsal
+
+    def start(self, progress: EpisodeProgress) -> int:
+        """Reset the scene, place the props where the script can be rehearsed, and let them settle.
+
+        A placement counts only if the rehearsal succeeds with the exact keyposes and with those rounded to
+        the voxels and bins of keypose policies, so that every episode is solvable by such a policy.
+
+        Args:
+            progress: the episode: its variation says what to colour or to choose, its generator is drawn from.
+
+        Returns:
+            Number of placements drawn.
+
+        Raises:
+            PlacementFailure: `MAX_DRAWS` draws in vain; the message counts the reasons.
+        """
+
+        def script(view: SceneView) -> Iterator[Stage]:
+            return self._task.script(view, progress.variation)
+
+        reasons: Counter[str] = Counter()
+        for draw in range(1, MAX_DRAWS + 1):
+            self._drawn_in.reset()
+            reason = "illegal placement"
+            if self._task.place(self._drawn_in, progress.variation, progress.rng):
+                reason = self._first_rehearsal.infeasibility(script)
+            if reason is None:
+                if self._drawn_in is not self._scene:
+                    self._scene.reset()
+                    self._scene.place_like(self._drawn_in)
+                self._perturb(
+                    self._task, self._scene, progress, lambda: self._rehearsal.infeasibility(script) is None
+                )
+                self._scene.settle()
+                return draw
+            reasons[reason] += 1
+        frequent = ", ".join(f"{count}x {reason}" for reason, count in reasons.most_common(3))
+        raise PlacementFailure(
+            f"{self._task.spec.name}: none of {MAX_DRAWS} drawn placements can be rehearsed by both arms "
+            f"({frequent})"
+        )
+
+
+class ProtectiveStop:
+    """Ends an episode as a failure when an arm presses too hard for too long.
+
+    A Panda stops with a reflex when the outside force that it estimates passes the thresholds that its user has set
+    (`setCollisionBehavior` of libfranka, "upper thresholds"); where contact is meant, libfranka's examples of impedance and
+    force control set 100 N.
+
+    Args:
+        task: which may have a bound of its own.
+        scene: its world.
+    """
+
+    def __init__(self, task: TaskSpec, scene: SceneView):
+        self._forces = ContactForces(scene)
+        self._max_force_n = task.load_bounds.get("contact_force_n", MAX_FORCE_N)
+        self.note_step = self._forces.note
+
+    def judge(self, progress: EpisodeProgress) -> None:
+        """Look at the steps of a tick."""
+        forces_n, _, _ = self._forces.take()
+        felt_n = felt(forces_n, progress.felt_n)
+        progress.felt_n = felt_n[-1]
+        for pressed_n in np.linalg.norm(felt_n, axis=-1):
+            progress.pressed_steps = (progress.pressed_steps + 1) * (pressed_n > self._max_force_n)
+            if progress.pressed_steps.max() * PHYSICS_STEP_S >= MAX_PRESS_S:
+                arm = ARMS[int(progress.pressed_steps.argmax())]
+                force_n = pressed_n[arm.ordinal]
+                progress.failure = f"{PROTECTIVE_STOP}: the {arm} arm pressed with {force_n:.0f} N"
+                return
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +170,7 @@ class Worlds:
                 KeyposePlanner(scene),
                 EpisodeReset(self._task, scene, changes.begin, changes.changes_model),
                 ObservationRenderer(scene, self._options, changes.see),
-                ProtectiveStop(scene, max_force_n(self._task.spec))
-                if self._options.protective_stop
-                else None,
+                ProtectiveStop(self._task.spec, scene) if self._options.protective_stop else None,
             )
         return self._compiled[prop_set]
 

@@ -205,15 +205,7 @@ def _options(config: BenchmarkConfig, flag: str) -> dict[str, Any]:
 def _words(config: BenchmarkConfig) -> dict[str, str]:
     """`--name=value` by name, for a shell, of the flags that name a result or do not have their defaults."""
     return {
-        field.name: _readable(field.name, str(getattr(config, field.name)))
+        field.name: shlex.quote(f"--{field.name}={getattr(config, field.name)}")
         for field in fields(config)
         if field.name in ("policy", "task", "recipe") or getattr(config, field.name) != field.default
     }
-
-
-def _readable(name: str, value: str) -> str:
-    """`--name=value` for a shell, if possible with the value in double quotes, which are easier to read."""
-    word = f"--{name}={value}"
-    if shlex.quote(word) == word or set(value) & set('"$`!\\'):
-        return shlex.quote(word)
-    return f'--{name}="{value}"'

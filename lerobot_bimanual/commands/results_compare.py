@@ -10,7 +10,6 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.benchmark import Scored, read_scored
 from lerobot_bimanual.results.comparison import Comparison, check_trainings
 from lerobot_bimanual.results.record import result_paths
-from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 from lerobot_bimanual.terminal import print_table, say, show_next
 
@@ -35,18 +34,10 @@ def results_compare(config: ResultsCompareConfig) -> None:
     the p-value is that of the exact sign-flip permutation test. The difference has two standard errors: from the draw of the
     episodes, and from the draw of the trainings.
 
-    Two results of `policy robustness` on one task are paired on every condition that both have.
-
     Examples:
         lerobot-bimanual results compare --first=results/peract2.json --second=results/act.json
         lerobot-bimanual results compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
-        lerobot-bimanual results compare --first=outputs/robustness/peract2.json --second=outputs/robustness/act.json
     """
-    if is_robustness_result(config.first) or is_robustness_result(config.second):
-        from lerobot_bimanual.reports.robustness_table import print_comparison
-
-        print_comparison(RobustnessResult.read(config.first), RobustnessResult.read(config.second))
-        return
     first = _results(config.first, config.first_policy, "first_policy")
     second = _results(config.second, config.second_policy, "second_policy")
     shared = sorted(first.keys() & second.keys())
@@ -97,13 +88,6 @@ def _print_comparisons(comparisons: dict[str, Comparison]) -> None:
         for (place, comparison), p_holm in zip(comparisons.items(), corrected, strict=True)
     )
     print_table(table, "success on the same seeds")
-    for place, comparison in comparisons.items():
-        first, second = comparison.better
-        equal = len(comparison.seeds) - first - second
-        say(
-            f"{place}: the first is better on {first} episodes, the second on {second}, equal on {equal}; "
-            f"{comparison.test}: p = {comparison.p_value:.3g}"
-        )
     if any(comparison.training_error is None for comparison in comparisons.values()):
         print("A single training of a policy does not say how far another one would be from it.")
 

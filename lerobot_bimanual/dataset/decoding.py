@@ -11,10 +11,9 @@ from typing import Any
 
 import av
 import av.error
-import av.sidedata.sidedata
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image
+from PIL import Image
 
 from lerobot_bimanual.dataset import reader
 from lerobot_bimanual.errors import DatasetError
@@ -25,9 +24,6 @@ MAX_SIDE = 2**13
 
 SPAN = ("from_timestamp", "to_timestamp")
 """Where an episode begins and ends in its video, in seconds."""
-
-ORIENTATION = ExifTags.Base.Orientation
-DISPLAY_MATRIX = av.sidedata.sidedata.Type.DISPLAYMATRIX
 
 FORMATS = ("PNG", "TIFF")
 """What LeRobot stores in tables; Pillow's readers of all other formats stay closed."""
@@ -83,15 +79,11 @@ class ImageReader:
             pixel_format, kind = ("rgb24", np.uint8) if millimetres is None else ("gray12le", np.uint16)
             first, end = (round(entry[f"videos/{key}/{time}"] * self._fps) for time in SPAN)
             with av.open(str(path), format="mp4") as container:  # no playlist, which leads elsewhere
-                if len(container.streams) != 1:  # readers disagree about which is meant
-                    raise DatasetError(f"{path} holds {len(container.streams)} streams, but must hold one")
                 stream = container.streams.video[0]
                 _check_size(f"{key} in {path}", (stream.height, stream.width), self.shapes[key])
                 assert stream.time_base is not None
                 container.seek(int(first / self._fps / stream.time_base), stream=stream)
                 for frame in container.decode(stream):
-                    if any(getattr(data, "type", None) == DISPLAY_MATRIX for data in frame.side_data):
-                        raise DatasetError(f"{path} turns its frames, which not every reader does")
                     number = round((frame.time or 0.0) * self._fps)
                     if number >= end:
                         return
@@ -113,8 +105,6 @@ class ImageReader:
                 content = cell.as_py()["bytes"]
                 image = Image.open(io.BytesIO(content), formats=FORMATS)
                 _check_size(place, image.size[::-1], self.shapes[key])
-                if image.getexif().get(ORIENTATION, 1) != 1:
-                    raise DatasetError(f"{place} is turned by its EXIF, which not every reader does")
                 pixels = np.asarray(stored.decode_example({"bytes": content, "path": None}))
             except DatasetError:
                 raise

@@ -7,13 +7,13 @@ where.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, PositiveInt, model_validator
+from pydantic import ConfigDict, Field, PositiveInt
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.calibration import Calibration
@@ -23,12 +23,12 @@ from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.episode import EpisodeMeta
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.files import read_json
-from lerobot_bimanual.results.record import Record, require
+from lerobot_bimanual.results.record import Record
 
 INFO_FILE = Path("meta", "info.json")
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-"""Where LeRobot's tools store tables and videos; a dataset that names other places is not read."""
+"""Where LeRobot's tools store tables and videos."""
 
 MAX_TABLE_BYTES = 2**31
 """Of one Parquet file before compression; LeRobot begins another one at 100 MB."""
@@ -143,20 +143,7 @@ class _Info(Record):
     model_config = ConfigDict(extra="ignore")
 
     fps: Annotated[int, Field(gt=0, le=1000)]
-    data_path: str
-    video_path: str | None = None
     features: dict[str, _Feature]
-
-    @model_validator(mode="after")
-    def _can_be_read(self) -> Self:
-        require(self.data_path == DATA_PATH, f"data_path must be {DATA_PATH}")
-        require(self.video_path in (None, VIDEO_PATH), f"video_path must be {VIDEO_PATH}")
-        for key, feature in self.features.items():
-            is_image = feature.dtype in IMAGE_TYPES
-            require(
-                not is_image or len(feature.shape) == 3, f"{key} must have a height, a width and channels"
-            )
-        return self
 
 
 def read_info(root: Path) -> dict[str, Any]:

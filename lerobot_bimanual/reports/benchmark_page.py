@@ -27,17 +27,12 @@ ABSENT = "–"
 BASELINES = ("expert", "open_loop")
 
 
-def benchmark_page(
-    results: Mapping[Path, Scored],
-    folder: Path,
-    figure: str | None = None,
-) -> str:
+def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
     """The page of results.
 
     Args:
         results: by file.
         folder: that holds them, for the page to say.
-        figure: link to the figure of these results; None for a page without.
 
     Raises:
         BimanualError: the results are not comparable, or no command trains one of an installed recipe again. The message names the file.
@@ -60,7 +55,6 @@ def benchmark_page(
         folder=folder.as_posix(),
         success=success_table(results.values()),
         survival=survival_table(each for _, each in ordered),
-        figure=figure,
         training=_training_table(trained, beyond) if trained else None,
         command=[*commands.values()][-1] if commands else None,
     )

@@ -75,12 +75,6 @@ class Comparison:
         return int((self._differences > 0).sum()), int((self._differences < 0).sum())
 
     @property
-    def test(self) -> str:
-        """Name of the test that gives the p-value."""
-        trained_once = len(self.first) == len(self.second) == 1
-        return "McNemar's exact test" if trained_once else "the exact sign-flip permutation test"
-
-    @property
     def p_value(self) -> float:
         """Two-sided p-value of that test.
 

@@ -1,13 +1,13 @@
 """One played episode: what became of it, and, where it was recorded, what proves it."""
 
 from collections.abc import Sequence
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, NonNegativeFloat, NonNegativeInt, model_validator
+from pydantic import AfterValidator, Field, NonNegativeFloat, NonNegativeInt
 
-from lerobot_bimanual.results.proof import actions_from_text, first_difference
+from lerobot_bimanual.results.proof import actions_from_text
 from lerobot_bimanual.results.record import Record, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
@@ -38,11 +38,6 @@ class Proof(Record):
     actions: tuple[str, ...]
     links: str
     end: Sha256
-
-    @model_validator(mode="after")
-    def _links_are_readable(self) -> Self:
-        first_difference(self.links, self.links)
-        return self
 
     def action_list(self) -> list[NDArray[np.float32]]:
         """The actions, one array each.
@@ -108,13 +103,6 @@ class Episode(Record):
     load: LoadMetrics | None = None
     survived: bool | None = None
     proof: Proof | None = None
-
-    @model_validator(mode="after")
-    def _agrees(self) -> Self:
-        require(not (self.success and self.failure), "failure must not be set after a success")
-        late = self.first_met_tick is not None and self.ticks is not None and self.first_met_tick > self.ticks
-        require(not late, "first_met_tick must be one of the episode's ticks")
-        return self
 
 
 def _ascending(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:

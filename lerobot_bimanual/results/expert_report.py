@@ -6,12 +6,12 @@ from functools import cached_property
 from statistics import median
 from typing import Annotated, Literal, NamedTuple, Self, get_args
 
-from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt
 
-from lerobot_bimanual.joint_action import CONTROL_HZ
+from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.results.episode import Episode, EpisodeCount, LoadMetrics, StateHash
 from lerobot_bimanual.results.evaluation import WorldVersion
-from lerobot_bimanual.results.record import Record, require
+from lerobot_bimanual.results.record import Record
 
 PlayerName = Literal["expert", "replanning", "noop", "random", "open_loop", "nearest", "language_ablated"]
 PLAYERS: tuple[PlayerName, ...] = get_args(PlayerName)
@@ -103,18 +103,6 @@ class ExpertReport(Record):
     violations: tuple[str, ...] = ()
     loads: tuple[VariationLoad, ...] = ()
     episodes: Annotated[tuple[EpisodeOutcome, ...], Field(min_length=1)]
-
-    @model_validator(mode="after")
-    def _agrees(self) -> Self:
-        played = [(episode.task, episode.variation, episode.seed) for episode in self.episodes]
-        require(len(set(played)) == len(played), "episodes must differ in task, variation or seed")
-        require(
-            {task for task, *_ in played} == set(self.worlds), "worlds must be of the tasks of the episodes"
-        )
-        require(
-            {seed for *_, seed in played} == set(self.seeds), f"episodes must be on the seeds {self.seeds}"
-        )
-        return self
 
     @property
     def seeds(self) -> range:

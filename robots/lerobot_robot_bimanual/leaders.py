@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import os
+import pty
 import sys
-from typing import Any
+from collections.abc import Collection
+from queue import Empty, SimpleQueue
+from typing import Any, TextIO
 
 import numpy as np
 from lerobot.teleoperators.teleoperator import Teleoperator
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
+from lerobot.utils.keyboard_input import TerminalKeyListener
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.errors import BimanualError
 from lerobot_robot_bimanual.config_leaders import BimanualKeyboardConfig
 from lerobot_robot_bimanual.leader_arms import LeaderArms
-from lerobot_robot_bimanual.terminal_keys import TerminalKeys
 
 logger = logging.getLogger(__name__)
 
@@ -38,6 +44,71 @@ move      w s (x, towards the right arm's base and back)   a d (y, left and righ
 turn      j l (about x)   i k (about y)   u o (about z)
 gripper   f (opens, closes)
 next      h (both hands home: the next episode begins)"""
+
+WRITTEN = {"up": "\x1b[A", "down": "\x1b[B", "right": "\x1b[C", "left": "\x1b[D", "esc": "\x1b"} | {
+    "enter": "\n",
+    "tab": "\t",
+    "space": " ",
+    "backspace": "\x7f",
+}
+"""Characters that a terminal sends for the keys that LeRobot names."""
+
+
+class NoTerminal(BimanualError):
+    """Standard input is not a terminal, so there are no keys to read."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "bimanual_keyboard reads keys from the terminal, but standard input is not a terminal: start the command "
+            "without a pipe or a redirection"
+        )
+
+
+class TerminalKeys:
+    """Keys by name, in the order in which they were struck.
+
+    `lerobot-record` reads the terminal as well (next, re-record, quit), and a terminal gives each key only once. So while
+    these keys are read, standard input is a pseudo terminal that all other keys are passed to.
+
+    Args:
+        names: the keys that are kept.
+
+    Raises:
+        NoTerminal: standard input is not a terminal.
+    """
+
+    def __init__(self, names: Collection[str]):
+        if not sys.stdin.isatty():
+            raise NoTerminal
+        self._names = names
+        self._struck: SimpleQueue[str] = SimpleQueue()
+        self._terminal: TextIO = sys.stdin
+        self._listener = TerminalKeyListener(self._sort)
+        self._listener.start()  # keeps the descriptor of the terminal
+        self._others, substitute = pty.openpty()
+        os.set_blocking(self._others, False)
+        # It stays open: LeRobot's listener still reads it after `stop`.
+        sys.stdin = os.fdopen(substitute, closefd=False)
+
+    def struck(self) -> list[str]:
+        """The keys since the last call."""
+        keys = []
+        with contextlib.suppress(Empty):
+            while True:
+                keys.append(self._struck.get_nowait())
+        return keys
+
+    def stop(self) -> None:
+        """Give the terminal back."""
+        sys.stdin = self._terminal
+        self._listener.stop()
+
+    def _sort(self, key: str) -> None:
+        if key in self._names:
+            self._struck.put(key)
+        else:
+            with contextlib.suppress(BlockingIOError):  # no listener reads them
+                os.write(self._others, WRITTEN.get(key, key).encode())
 
 
 class BimanualKeyboard(Teleoperator):

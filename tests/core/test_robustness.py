@@ -1,33 +1,12 @@
 """Robustness results: what files may hold, which conditions count, and how two results are paired."""
 
 import pytest
-from sample_robustness import AXES, EXPERT_REPORT, ROBUSTNESS, condition, result
+from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition
 
-from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.robustness_table import conditions_table, print_robustness
 from lerobot_bimanual.results.robustness import is_valid, read_expert_robustness
 from lerobot_bimanual.results.statistics import SuccessRate, holm
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"axes": ()}, "conditions must be of the axes"),
-        ({"conditions": ROBUSTNESS.conditions[1:]}, "begin with the nominal one"),
-        ({"axes": AXES[1:], "conditions": (condition("", 0, "xx"), condition("mass", 1, "x"))}, "same seeds"),
-        (
-            {
-                "axes": AXES[1:],
-                "conditions": tuple(condition(*key, "xx") for key in [("", 0), ("mass", 2), ("mass", 1)]),
-            },
-            "sorted",
-        ),
-    ],
-)
-def test_conditions_that_cannot_be_paired_are_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        result(**changes)
 
 
 def test_the_report_counts_what_it_lists_and_each_condition_is_compared_with_the_nominal_one():
@@ -64,36 +43,3 @@ def test_a_folder_of_expert_reports_holds_one_per_task(tmp_path):
         EXPERT_REPORT.write(tmp_path / f"{name}.json")
     with pytest.raises(BimanualError, match="another report of lift_ball"):
         read_expert_robustness(tmp_path)
-
-
-def test_compare_pairs_two_results_by_condition(tmp_path, capsys):
-    first, second = tmp_path / "first.json", tmp_path / "second.json"
-    ROBUSTNESS.write(first)
-    conditions = (
-        *ROBUSTNESS.conditions[:2],
-        condition("camera_moved", 2, "x" * 10),
-        *ROBUSTNESS.conditions[4:],
-    )
-    result({"policy": "yours"}, conditions=conditions).write(second)
-    results_compare(ResultsCompareConfig(first=first, second=second))
-    output = " ".join(capsys.readouterr().out.split())
-    assert "camera_moved:2 4 10 0, 6 0.0312 0.0625" in output
-    assert "mass:3 2 2 0, 0 1 not valid" in output
-    assert "valid conditions of level 2: first 12, second 18 of 20" in output
-    assert "only one has played: camera_moved:3" in output
-
-
-@pytest.mark.parametrize(
-    ("other", "message"),
-    [
-        (result({"task": "push_box"}), "differ in task: 'lift_ball' and 'push_box'"),
-        (result({"options": ROBUSTNESS.config.options | {"split": "val"}}), "differ in split"),
-        (result({"versions": ROBUSTNESS.config.versions | {"mujoco": "4"}}), "differ in mujoco"),
-        (result(axes=(), conditions=(condition("", 0, "xx"),)), "differ in seeds"),
-    ],
-)
-def test_only_results_on_the_same_episodes_are_compared(other, message, tmp_path):
-    ROBUSTNESS.write(tmp_path / "first.json")
-    other.write(tmp_path / "second.json")
-    with pytest.raises(BimanualError, match=message):
-        results_compare(ResultsCompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json"))

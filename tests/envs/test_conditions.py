@@ -25,7 +25,6 @@ from lerobot_env_bimanual.conditions import (
     with_parts,
 )
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
-from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.button import Button
@@ -34,6 +33,7 @@ from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.tasks.lift_ball import AREA, LiftBall
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.worlds import MAX_DRAWS, EpisodeReset
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.options import ControlMode, EnvOptions, ObservationMode
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.worlds import EpisodeReset
 
 TASK = "lift_ball"
 ACTIONS_ARE_NOT_NORMALISED = ".*recommend using a symmetric and normalized space"

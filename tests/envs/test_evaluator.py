@@ -8,10 +8,10 @@ from sample_results import outcome, outcomes
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, ExpertReport
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
-from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator, play
 from lerobot_env_bimanual.tasks.registry import TASKS
+from lerobot_env_bimanual.worlds import EpisodeReset
 
 FIRST, SECOND = (EpisodeSpec("lift_ball", "0", "val", seed, "expert") for seed in (0, 1))
 

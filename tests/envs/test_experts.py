@@ -15,9 +15,8 @@ from lerobot_bimanual.results.episode import LoadMetrics
 from lerobot_env_bimanual import play_expert
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts import load as load_module
-from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
+from lerobot_env_bimanual.experts.baselines import Layout, demonstrations, make_player, mean_of_episodes
 from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, keyframes_found, run_measured
-from lerobot_env_bimanual.experts.nearest import Layout, demonstrations
 from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES
@@ -116,7 +115,7 @@ def test_the_open_loop_baseline_plays_the_given_keyposes_and_skips_what_it_canno
 
 
 def test_the_nearest_baseline_plays_the_demonstration_of_the_scene_that_is_most_alike(env_of, monkeypatch):
-    monkeypatch.setattr("lerobot_env_bimanual.experts.nearest.DEMONSTRATIONS", 3)
+    monkeypatch.setattr("lerobot_env_bimanual.experts.baselines.DEMONSTRATIONS", 3)
     demonstrations.cache_clear()
     known = BimanualEnv("lift_ball", split="train", obs="state")
     assert run_episode(known, 1, make_player("nearest", 0)).success

@@ -153,7 +153,7 @@ def test_the_command_prints_and_writes_what_it_found(tmp_path, capsys):
     assert re.search(r"result +left arm +failed\nhandover_item_easy record +1 +1", printed.out)
     assert printed.err.endswith(f"next: lerobot-bimanual results report --results={path}\n")
     (found,) = json.loads(output.read_text())[EASY]
-    assert (found["recovers"], found["perturb"], found["file"]) == ([True, False], "", str(path))
+    assert (found["responsible"], found["perturb"], found["file"]) == ("left arm", "", str(path))
 
 
 def test_results_that_cannot_be_replayed_here_are_refused(tmp_path):

@@ -14,7 +14,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.perturbations.axis import Moment, Start
-from lerobot_env_bimanual.perturbations.words import colour_name, named_colours, paraphrases
+from lerobot_env_bimanual.perturbations.scene import colour_name, named_colours, paraphrases
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 

@@ -7,7 +7,7 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.nearest import Layout
+from lerobot_env_bimanual.experts.baselines import Layout
 from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.props.ball import Ball

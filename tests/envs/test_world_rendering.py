@@ -20,7 +20,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.gl import MissingGL, mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.rendering.viewpoint import frame_of
+from lerobot_env_bimanual.rendering.film import frame_of
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.cameras import calibration
 from lerobot_env_bimanual.world.rendering import Renderer

@@ -19,12 +19,12 @@ import av
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from PIL import ExifTags, Image
+from PIL import Image
 
+from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.schema import VIEWS, View
-from lerobot_bimanual.joint_action import CONTROL_HZ
 
 ROWS, ENTRIES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
 FRONT, FRONT_DEPTH, WRIST = (
@@ -152,43 +152,6 @@ def repainted(frames: list[np.ndarray]) -> list[np.ndarray]:
     return frames
 
 
-def second_stream(root: Path) -> None:
-    """Copies the front video beside another one, larger, into the same file."""
-    source = io.BytesIO((root / VIDEO).read_bytes())
-    with av.open(source) as old, av.open(str(root / VIDEO), "w") as new:
-        stream, other = (
-            new.add_stream_from_template(old.streams.video[0]),
-            new.add_stream("libx264", rate=CONTROL_HZ),
-        )
-        other.width = other.height = 128
-        for packet in [
-            *other.encode(av.VideoFrame(128, 128, "yuv420p")),
-            *other.encode(),
-            *old.demux(video=0),
-        ]:
-            if packet.stream is old.streams.video[0]:
-                packet.stream = stream
-            if packet.dts is not None:
-                new.mux(packet)
-
-
-def upside_down(root: Path) -> None:
-    """Writes a display matrix of 180 degrees into the front video's header."""
-    content = (root / VIDEO).read_bytes()
-    plain, turned = (struct.pack(">9i", s << 16, 0, 0, 0, s << 16, 0, 0, 0, 1 << 30) for s in (1, -1))
-    start = content.index(plain, content.index(b"tkhd"))
-    (root / VIDEO).write_bytes(content[:start] + turned + content[start + len(turned) :])
-
-
-def turned(cell: dict) -> dict:
-    """Adds an orientation of 180 degrees to a PNG."""
-    stored = io.BytesIO()
-    exif = Image.Exif()
-    exif[ExifTags.Base.Orientation] = 3
-    Image.open(io.BytesIO(cell["bytes"])).save(stored, format="PNG", exif=exif)
-    return cell | {"bytes": stored.getvalue()}
-
-
 def png(width: int, height: int) -> bytes:
     """A PNG whose header claims a size, without pixels."""
 
@@ -232,9 +195,6 @@ CORRUPTIONS = (
         encoded_again(lambda frames: [np.clip(f, 0, 249) + np.uint8(6) for f in frames]),
         FRAMES,
     ),
-    Corruption("a video on its head", "images complete", upside_down, FRAMES),
-    Corruption("a second stream", "images complete", second_stream, FRAMES),
-    Corruption("an image on its head", "images complete", column(FRONT, turned, [1]), KEYFRAMES),
     Corruption("an image is missing", "images complete", column(FRONT, lambda _: None, [1]), KEYFRAMES),
     Corruption(
         "an image claims gigabytes",

@@ -83,7 +83,6 @@ def test_benchmarks_of_several_tasks_score_one_network(small):
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SMALL = (
-    "commands.py decoding --episodes=1 --image_size=32 --rounds=1",
     "policies.py --policies peract2 --rounds=1",
     "world.py observation --moments=1 --rounds=1 --image_size=32 --perturb=light:1",
     "world.py planning --problems=1",

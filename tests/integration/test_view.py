@@ -64,7 +64,7 @@ def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
     assert "there is no display, so a video of expert and policy is written" in told
     assert "expert: solved after " in told
     (film,) = Path("films").glob("*_expert_and_policy.mp4")
-    assert frames(film)[0].shape[1] == 2 * (films.SEVERAL_WIDTH + films.GAP) + films.GAP
+    assert frames(film)[0].shape[1] == 2 * films.SIZE[1]
 
 
 def test_a_window_needs_a_display_that_opens(monkeypatch, capsys) -> None:

@@ -74,7 +74,7 @@ def test_an_episode_that_cannot_begin_leaves_no_robot_connected(make_robot, monk
     def fail(*_):
         raise PlacementFailure("nowhere")
 
-    monkeypatch.setattr("lerobot_env_bimanual.episode.reset.EpisodeReset.start", fail)
+    monkeypatch.setattr("lerobot_env_bimanual.worlds.EpisodeReset.start", fail)
     robot = make_robot(connected=False)
     with pytest.raises(PlacementFailure):
         robot.connect()

@@ -16,8 +16,7 @@ from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual import leaders
 from lerobot_robot_bimanual.config_leaders import BimanualKeyboardConfig
-from lerobot_robot_bimanual.leaders import BimanualKeyboard
-from lerobot_robot_bimanual.terminal_keys import WRITTEN, NoTerminal, TerminalKeys
+from lerobot_robot_bimanual.leaders import WRITTEN, BimanualKeyboard, NoTerminal, TerminalKeys
 
 
 class Script:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import quote
 
 from lerobot_bimanual.files import check_output_file
 from lerobot_bimanual.pages import write_page
@@ -17,7 +16,7 @@ class ResultsReportConfig:
 
     # A file, or a folder of files, that `policy benchmark` or `policy robustness` has written.
     results: Path = field(kw_only=True)
-    # The page, Markdown, beside it the figure of success; without it the page is printed.
+    # The page, Markdown; without it the page is printed.
     output: Path | None = None
 
 
@@ -36,22 +35,17 @@ def results_report(config: ResultsReportConfig) -> None:
     """
     from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
     from lerobot_bimanual.reports.robustness_pages import robustness_page
-    from lerobot_bimanual.reports.success_figure import success_figure
     from lerobot_bimanual.results.record import result_paths
     from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 
     if config.output is not None:
         check_output_file(config.output)
-    paths, files = result_paths(config.results), [config.output]
+    paths = result_paths(config.results)
     if is_robustness_result(paths[0]):
         page = robustness_page({path.stem: RobustnessResult.read(path) for path in paths})
     else:
-        rows, figure = read_results(config.results), config.output and config.output.with_suffix(".png")
-        page = benchmark_page(rows, config.results, figure and quote(figure.name))
-        if figure is not None:
-            success_figure([*rows.values()]).save(figure)
-            files.append(figure)
+        page = benchmark_page(read_results(config.results), config.results)
     write_page(page, config.output)
     if config.output is not None:
-        print(*files, sep="\n")
+        print(config.output)
         show_next("lerobot-bimanual", "results", "verify", f"--results={config.results}")

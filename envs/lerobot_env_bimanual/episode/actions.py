@@ -17,6 +17,11 @@ are not bad actions: they end the episode as a failure in every mode.
 An `InvalidAction` leaves a single environment as it was: its caller made a mistake, and may go on with a better action.
 In a vector environment it ends the episode of its own environment as a failure, as no caller can correct one of many
 (see `lerobot_env_bimanual.vector`).
+
+Joint actions that are read are then kept within what real arms can follow. Two consecutive ones may differ by what a Panda's
+joints move in a tick at most, and that difference may change by what they accelerate ("Limits" of the Franka Control Interface
+documentation, as in `robots.panda`). An action beyond it is replaced by one within it, such that the arm catches up with what is
+wanted as soon as it can and without passing it. The experts stay far below, so their actions go through as they are.
 """
 
 from __future__ import annotations
@@ -25,27 +30,30 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.arms import ARMS, JOINT_ACTION_DIM, by_arm
 from lerobot_bimanual.dataset.schema import JOINT_NAMES
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION, QUATERNION
+from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.motion.planner import KeyposeFailure
 from lerobot_env_bimanual.robots.panda_pair import ArmPair
+from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 JOINT_TOLERANCE_RAD = 0.1
+SHARE = 0.9999
+"""Of the limits that replaced actions keep, so that they keep the limits when they are rounded to float32."""
 EMPTY_ACTION = np.zeros(0, np.float32)
 """Recorded in place of an action that could not be read."""
 
 
 class ActionReader:
-    """Turns the vectors given to `step` into a joint action or a keypose.
+    """Turns the vectors given to `step` into a joint action that the arms can follow, or a keypose.
 
     Args:
         control_mode: which kinds are accepted, and how strictly.
-        arm_pair: whose joint limits hold.
+        arm_pair: whose limits hold; fingers have a speed of their own.
     """
 
     def __init__(self, control_mode: str, arm_pair: ArmPair):
@@ -53,6 +61,11 @@ class ActionReader:
         self._strict = control_mode != "auto"
         self.lower = np.array([*arm_pair.joint_lower, 0.0] * len(ARMS), dtype=np.float32)
         self.upper = np.array([*arm_pair.joint_upper, 1.0] * len(ARMS), dtype=np.float32)
+        limits = arm_pair.joint_limits
+        # A gripper goes from shut to open within a tick.
+        self._most, self._more = np.full((2, JOINT_ACTION_DIM), 2.0)
+        by_arm(self._most)[:, :-1] = limits.velocity_rad_s * TICK_S
+        by_arm(self._more)[:, :-1] = limits.acceleration_rad_s2 * TICK_S**2
 
     @property
     def lengths(self) -> tuple[int, ...]:
@@ -105,6 +118,23 @@ class ActionReader:
         if vector.size == KEYPOSE_DIM:
             return self._read_keypose(vector)
         return self._read_joints(vector)
+
+    def limited(self, wanted: NDArray[np.float32], progress: EpisodeProgress) -> NDArray[np.float32]:
+        """The action (16,) that the arms are given for a wanted one, after those that `progress` remembers."""
+        step = np.subtract(wanted, progress.asked, dtype=np.float64)
+        of_target = np.clip(np.subtract(wanted, progress.wanted, dtype=np.float64), -self._most, self._most)
+        behind = step - of_target  # how far from keeping pace with what is wanted
+        too_far = np.abs(behind) > self._more
+        is_beyond = too_far | (np.abs(step) > self._most) | (np.abs(step - progress.change) > self._more)
+        if not is_beyond.any():
+            return wanted
+        most, more = SHARE * self._most, SHARE * self._more
+        # At this speed it has caught up after the remaining way, if it slows down by `more` every tick.
+        closing = (np.sqrt(more**2 + 8 * more * np.abs(behind)) - more) / 2
+        slower = of_target + np.copysign(np.minimum(np.abs(behind), closing), behind)
+        slower = np.clip(slower, -most, most).clip(progress.change - more, progress.change + more)
+        asked = (progress.asked + np.where(is_beyond, slower, step)).astype(np.float32)
+        return np.clip(asked, self.lower, self.upper)
 
     def _read_joints(self, vector: NDArray[np.float32]) -> NDArray[np.float32]:
         if not np.isfinite(vector).all():

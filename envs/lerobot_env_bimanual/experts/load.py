@@ -22,14 +22,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.arms import ARM_ACTION_DIM, ARMS
 from lerobot_bimanual.dataset.schema import state_hash_column
-from lerobot_bimanual.joint_action import ARM_ACTION_DIM
 from lerobot_bimanual.keyframes import discover_keyframes
 from lerobot_bimanual.results.episode import LoadMetrics
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode.arm_limits import MAX_FORCE_N
 from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.replay import ReplayMode, replay
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -37,6 +35,7 @@ from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contact_forces import AT_REST_N, ContactForces, felt
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import TICK_S
+from lerobot_env_bimanual.worlds import MAX_FORCE_N
 
 SATURATED = 0.999
 """Share of its limit from which on a motor gives all it has."""

@@ -66,20 +66,16 @@ class Attribution:
         variation: index of its variation.
         failure_class: class of the failure.
         event: the event that decided about the class.
-        keyposes: number of actions that the policy gave.
         last_recoverable: index of the last keypose before which the expert could have taken over; None if unknown.
         responsible: what is responsible.
-        recovers: whether replacing the half of the left, or of the right, arm at that keypose solves the episode.
     """
 
     seed: int
     variation: int
     failure_class: FailureClass
     event: str
-    keyposes: int
     last_recoverable: int | None
     responsible: Responsible
-    recovers: tuple[bool, bool] | None
 
 
 class FailureAttributor:
@@ -114,20 +110,18 @@ class FailureAttributor:
                 f"seed {episode.seed} replays otherwise than recorded; `lerobot-bimanual results verify` says where"
             )
         kind, event = classify(self._env.task, events, expert_events)
-        index, responsible, recovers = None, Responsible.EXPERT_FAILS, None
+        index, responsible = None, Responsible.EXPERT_FAILS
         if any(action.size not in (0, KEYPOSE_DIM) for action in actions):
             responsible = Responsible.JOINT_ACTIONS
         elif expert_solves:
-            index, responsible, recovers = self._search(actions, states)
+            index, responsible = self._search(actions, states)
         return Attribution(
             seed=episode.seed,
             variation=episode.variation or 0,
             failure_class=kind,
             event=event,
-            keyposes=len(actions),
             last_recoverable=index,
             responsible=responsible,
-            recovers=recovers,
         )
 
     def _reset(self, episode: Episode, env: BimanualEnv) -> None:
@@ -157,13 +151,13 @@ class FailureAttributor:
 
     def _search(
         self, actions: list[NDArray[np.float32]], states: list[Any]
-    ) -> tuple[int | None, Responsible, tuple[bool, bool] | None]:
-        """The last recoverable keypose, what is responsible, and whether the left or the right half would have sufficed."""
+    ) -> tuple[int | None, Responsible]:
+        """The last recoverable keypose, and what is responsible."""
         end, count = states[-1], len(actions)
         if not end[1].failure:
             end[1].ticks = end[1].keyposes = 0  # only time ended the episode, so more time is given
             if self._recovers(end, self._expert_from(count)):
-                return count, Responsible.TIME, None
+                return count, Responsible.TIME
         last = next(
             index
             for index in reversed(range(count))
@@ -182,7 +176,7 @@ class FailureAttributor:
             (False, True): Responsible.RIGHT,
             (False, False): Responsible.COORDINATION,
         }
-        return last, responsible[left, right], (left, right)
+        return last, responsible[left, right]
 
     def _expert_from(self, index: int) -> list[NDArray[np.float32]]:
         """The expert's keyposes from an index on; beyond its last one it repeats that."""

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from enum import StrEnum
 
 from lerobot_bimanual.arms import Arm
-from lerobot_env_bimanual.episode.arm_limits import PROTECTIVE_STOP
 from lerobot_env_bimanual.experts.load import bounds_of
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
+from lerobot_env_bimanual.worlds import PROTECTIVE_STOP
 
 COLLISION_FACTOR = 2.0
 """Times the force with which an expert may push in the task: 200 N, unless the task has a bound of its own."""

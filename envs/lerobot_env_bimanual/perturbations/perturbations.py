@@ -71,7 +71,7 @@ class Perturbations:
     def begin(
         self, task: Task, scene: Scene, progress: EpisodeProgress, is_feasible: Callable[[], bool]
     ) -> None:
-        """Change the start of an episode whose props have been placed, and its appearance; see `episode.reset.Perturb`."""
+        """Change the start of an episode whose props have been placed, and its appearance; see `worlds.Perturb`."""
 
         def start(axis: Axis[Any], hook: str) -> Start[Any]:
             moment = self._moment(axis, hook, scene, progress)

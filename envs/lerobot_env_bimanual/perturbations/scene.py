@@ -1,17 +1,21 @@
-"""Axes that change how the scene looks: `light`, `object_colour`, `surfaces`."""
+"""Axes that change how the scene looks, and how the task is said: `light`, `object_colour`, `surfaces`, `instruction`."""
 
 from __future__ import annotations
 
+import colorsys
 import functools
+import re
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, quat_wxyz_to_matrix
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axis import Axis, Start, data, register
-from lerobot_env_bimanual.perturbations.words import colour_name, named_colours
+from lerobot_env_bimanual.task import TaskSpec
 from lerobot_env_bimanual.world.appearance import Appearance
 from lerobot_env_bimanual.world.arena import MAPLE, OAK_GREY, PAINT
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -30,6 +34,24 @@ N_COLOUR_CHANGES = 16
 UNCOLOURED = (0.5, 0.5, 0.5, 1.0)
 """Colour of a geom that has the colour of its material."""
 
+MAX_HUES_DEG = {
+    15: "red",
+    45: "orange",
+    70: "yellow",
+    165: "green",
+    190: "turquoise",
+    225: "azure",
+    260: "blue",
+    320: "purple",
+    345: "pink",
+    360: "red",
+}
+"""Largest hue of a colour -> its name."""
+MAX_VALUES = {0.25: "black", 0.8: "grey", 1.0: "white"}
+"""Largest brightness of a colour without a hue -> its name."""
+MIN_SATURATION = 0.3
+COLOUR_NAMES = {*MAX_HUES_DEG.values(), *MAX_VALUES.values()}
+
 SIDE_PIXELS = 128
 SURFACES = {"table": (MAPLE, (2.0, 2.0)), "floor": (OAK_GREY, (6.0, 6.0)), "wall": (PAINT, (4.0, 2.5))}
 """Material of each, with its colour and how often a pattern is repeated along its sides."""
@@ -38,6 +60,8 @@ MIN_CHANNEL = 0.25
 TINT = 0.9
 """Share of the way from a surface's own colour to a drawn one, at magnitude 1."""
 
+type Templates = Mapping[str, Sequence[str]]
+"""Sentences by level "1" to "3"; like a task's instructions they are filled with the words of the variation."""
 type Pattern = Callable[[NDArray, NDArray], NDArray]
 """Darkness (0..1) of pixels; rows and columns go from 0 to 1. Each pattern repeats without a seam."""
 
@@ -66,6 +90,20 @@ def _change_lamps(start: Start, appearance: Appearance) -> Appearance:
 
 
 register(Axis(**data("light"), build=_attach_ambient_light, look=_change_lamps))
+
+
+def colour_name(rgb: ArrayLike) -> str:
+    """The English name of a colour of three channels 0..1."""
+    hue, saturation, value = colorsys.rgb_to_hsv(*np.asarray(rgb, float).tolist())
+    if saturation >= MIN_SATURATION and value >= min(MAX_VALUES):
+        return next(word for limit, word in MAX_HUES_DEG.items() if hue * 360 <= limit)
+    return next(word for limit, word in MAX_VALUES.items() if value <= limit)
+
+
+def named_colours(spec: TaskSpec) -> set[str]:
+    """Colours that occur in any instruction of a task."""
+    sentences = [sentence for row in spec.variations for sentence in spec.instructions_for(row)]
+    return COLOUR_NAMES.intersection(re.findall("[a-z]+", " ".join(sentences).lower()))
 
 
 def _recolour_props(start: Start, appearance: Appearance) -> Appearance:
@@ -163,3 +201,23 @@ def _cover_surfaces(start: Start, appearance: Appearance) -> Appearance:
 
 
 register(Axis(**data("surfaces"), build=_add_patterns, look=_cover_surfaces))
+
+
+@functools.cache
+def paraphrases() -> Mapping[str, Templates]:
+    """Task -> its other sentences, from `instruction.toml` beside this file; a task may have none."""
+    return tomllib.loads(Path(__file__).with_name("instruction.toml").read_text(encoding="utf-8"))
+
+
+def _has_paraphrases(task: TaskSpec, model: mujoco.MjSpec) -> bool:
+    return task.name in paraphrases()
+
+
+def _paraphrase(start: Start) -> None:
+    """Draw one of the level's sentences."""
+    templates = paraphrases()[start.task.spec.name][str(int(start.magnitude))]
+    template = templates[int(start.rng.integers(len(templates)))]
+    start.progress.instruction = template.format(**start.progress.variation.words)
+
+
+register(Axis(**data("instruction"), applies_to=_has_paraphrases, begin=_paraphrase))

@@ -1,4 +1,4 @@
-"""Episodes that are played and kept as states, and films of them, several players side by side."""
+"""Episodes that are played and kept as states, and films of them, several players side by side, turned and zoomed to the play."""
 
 from __future__ import annotations
 
@@ -9,28 +9,25 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import ROOM_CAMERA_NAMES
+from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
-from lerobot_env_bimanual.rendering.viewpoint import frame_of
 from lerobot_env_bimanual.world.rendering import Renderer
-from lerobot_env_bimanual.world.scene import SceneState
+from lerobot_env_bimanual.world.scene import Scene, SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
-from lerobot_env_bimanual.world.video import VideoWriter
+from lerobot_env_bimanual.world.video import VideoWriter, captioned
 
 SIZE = (480, 640)
-SEVERAL_WIDTH = 400
-"""Of the picture of one of several players."""
-LINE_HEIGHT, LETTERS, GAP = 34, 19, 16
-PAPER, INK, GREY = (255, 255, 255), (32, 34, 40), (112, 116, 126)
-GREEN, RED = (22, 128, 60), (196, 38, 34)
-type Panel = tuple[NDArray[np.uint8], str, str, tuple[int, int, int]]
-"""A picture, the texts at both ends of the line below, and their colour; one other than `INK` also frames the picture."""
 FRAMED_TICKS = 10
 """Of so many states one decides what a camera is turned and zoomed to."""
+MOVED_M = 0.002
+"""Way along an axis from which on an object counts as moved: less than that of a button."""
+ROOM_M = 0.16
+"""Around hands and things that a frame leaves."""
 
 
 @dataclass
@@ -90,52 +87,76 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
     Raises:
         BimanualError: it cannot be written, or not be rendered.
     """
-    (height, width), view, (_, outcome) = SIZE, {}, next(iter(rollouts.values()))
+    view, (_, outcome) = {}, next(iter(rollouts.values()))
     recordings = [recording.states for recording, _ in rollouts.values()]
     # A perturbed camera shows what it sees.
     if camera in ROOM_CAMERA_NAMES and "cam_quat" not in env.scene.appearance.fields:
         seen = [state for states in recordings for state in (*states[::FRAMED_TICKS], states[-1])]
         view = frame_of(env.scene, camera, seen, SIZE)
-    with Renderer(env.scene, (camera,), height, width, env.options.render_quality) as renderer:
+    with Renderer(env.scene, (camera,), *SIZE, env.options.render_quality) as renderer:
 
         @lru_cache(2 * len(rollouts))
-        def panel(player: str, tick: int) -> Panel:
+        def picture(player: str, tick: int) -> NDArray[np.uint8]:
             """The scene at a tick; at the last one with the verdict."""
             recording, episode = rollouts[player]
             env.scene.restore_state(recording.states[tick])
             env.scene.appearance = env.scene.appearance.wearing(**view)
             rgb, _ = renderer.render()[camera]
-            note = f"{tick * TICK_S:.1f} s, keypose {recording.keyposes[tick]}"
-            if tick < len(recording.states) - 1:
-                return rgb, player, note, INK
-            verdict, color = ("success", GREEN) if episode.success else ("failure", RED)
-            return rgb, f"{player} - {verdict}", note, color
+            caption = f"{name} {player}, {tick * TICK_S:.1f} s, keypose {recording.keyposes[tick]}"
+            is_last, verdict = tick == len(recording.states) - 1, "success" if episode.success else "failure"
+            return captioned(rgb, caption, verdict if is_last else "")
 
-        caption = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
-        writer, is_single = VideoWriter(stem.parent, stem.name, caption), len(rollouts) == 1
+        name = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
+        writer = VideoWriter(stem.parent, stem.name)
         for tick in range(max(map(len, recordings))):
-            panels = [panel(each, min(tick, len(rollouts[each][0].states) - 1)) for each in rollouts]
-            writer.add(_side_by_side(panels, width if is_single else SEVERAL_WIDTH))
-        verdict = ("success" if outcome.success else "failure") if is_single else ""
-        film = writer.close(verdict, name=f"{stem.name}.mp4")
+            writer.add(
+                np.hstack(
+                    [picture(each, min(tick, len(it.states) - 1)) for each, (it, _) in rollouts.items()]
+                )
+            )
+        film = writer.close("", name=f"{stem.name}.mp4")
     assert film is not None  # an episode has at least one state
     return film
 
 
-def _side_by_side(panels: Sequence[Panel], width: int) -> NDArray[np.uint8]:
-    """Panels in a row, their pictures scaled to a width in pixels; both sides are even, as videos need it."""
-    height = round(width * panels[0][0].shape[0] / panels[0][0].shape[1])
-    sheet = Image.new("RGB", (len(panels) * (width + GAP) + GAP, height + LINE_HEIGHT + 2 * GAP), PAPER)
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(LETTERS)
-    baseline = GAP + height + LINE_HEIGHT - 9
-    for index, (rgb, player, note, color) in enumerate(panels):
-        left, is_plain = GAP + index * (width + GAP), color == INK
-        picture = Image.fromarray(rgb).resize((width, height), Image.Resampling.LANCZOS)
-        sheet.paste(picture, (left, GAP))
-        if not is_plain:
-            draw.rectangle((left, GAP, left + width - 1, GAP + height - 1), outline=color, width=4)
-        draw.text((left + 2, baseline), player, fill=color, font=font, anchor="ls")
-        note_color = GREY if is_plain else color
-        draw.text((left + width - 2, baseline), note, fill=note_color, font=font, anchor="rs")
-    rows, columns = (side - side % 2 for side in (sheet.height, sheet.width))
-    return np.asarray(sheet)[:rows, :columns]
+def frame_of(
+    scene: Scene, camera: str, states: Sequence[SceneState], size: tuple[int, int]
+) -> dict[str, NDArray[np.float64]]:
+    """Turn and zoom, as `Appearance` wears them, with which a fixed camera shows hands and moved objects at their largest.
+
+    Args:
+        scene: the scene; it is left in the last state.
+        camera: name of the camera, which is left where it is.
+        states: moments of the episode, from its start on.
+        size: height and width of the image, pixels.
+    """
+    model, index = scene.model, scene.model.camera(camera).id
+    places_m = np.empty((len(states), model.nbody, 3))
+    for state, places in zip(states, places_m, strict=True):
+        scene.restore_state(state)
+        places[:] = scene.data.xipos
+    is_hand = np.any([scene.bodies(scene.arm_pair.hand_body(arm)) for arm in ARMS], axis=0)
+    # The hands come from far above.
+    is_thing = (np.ptp(places_m, axis=0).max(axis=1) > MOVED_M) & (scene.arm_of_body < 0)
+    things_m, hands_m = places_m[:, is_thing], places_m[1:, is_hand]
+    points_m = np.concatenate([things_m.reshape(-1, 3), hands_m.reshape(-1, 3)])
+    eye, half = scene.data.cam_xpos[index], np.tan(np.deg2rad(model.cam_fovy[index]) / 2)
+    axes, sides = scene.data.cam_xmat[index].reshape(3, 3), []
+    for _ in range(3):  # where the middle of what is seen moves to the middle of the image
+        right, up, back = ((points_m - eye) @ axes).T
+        room = ROOM_M / -back
+        sides = [(np.min(way / -back - room), np.max(way / -back + room)) for way in (right, up)]
+        axes = _towards(axes @ np.array([*np.mean(sides, axis=1), -1.0]))
+    wide, high = np.ptp(sides, axis=1) / 2
+    fovy, quat_wxyz = model.cam_fovy.copy(), model.cam_quat.copy()
+    fovy[index] = 2 * np.rad2deg(np.arctan(min(half, max(high, wide * size[0] / size[1]))))
+    quat_wxyz[index] = matrix_to_quat_wxyz(axes)
+    return {"cam_fovy": fovy, "cam_quat": quat_wxyz}
+
+
+def _towards(ahead: NDArray) -> NDArray:
+    """(3, 3) axes of a camera, in MuJoCo's order, that looks in a direction with its right side level."""
+    back = -ahead / np.linalg.norm(ahead)
+    right = np.cross((0, 0, 1), back)
+    right /= np.linalg.norm(right)
+    return np.column_stack([right, np.cross(back, right), back])

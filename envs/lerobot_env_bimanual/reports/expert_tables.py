@@ -23,7 +23,6 @@ from lerobot_bimanual.results.expert_report import (
 )
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import BOUNDS
-from lerobot_env_bimanual.experts.runner import OUT_OF_MOVES, OUT_OF_TIME
 from lerobot_env_bimanual.experts.world_version import joint_version
 from lerobot_env_bimanual.options import SETTINGS, STANDARD
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -144,11 +143,6 @@ def evidence_table(reports: ExpertReports) -> pd.DataFrame:
                 "replayed": f"{sum(bool(each.replayed) for each in solved)}/{len(solved)}",
                 "keyframes found": f"{sum(bool(each.keyframes_found) for each in solved)}/{len(solved)}",
                 "largest tip error": f"{worst_tip_error_mm(solved):.1f} mm",
-                "planner failures": sum(
-                    episode.failure not in (None, OUT_OF_MOVES, OUT_OF_TIME) for episode in episodes
-                ),
-                "lines replaced": sum(each.line_fallbacks for each in episodes),
-                "median ticks": f"{median(each.ticks for each in solved):.0f}" if solved else NOT_MEASURED,
                 "placements accepted": f"{len(episodes) / sum(episode.draws for episode in episodes):.0%}",
             }
         )

@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
@@ -30,7 +32,7 @@ from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-from lerobot_env_bimanual.world.resting import at_rest
+from lerobot_env_bimanual.world.arena import TABLE_CENTRE_XY_M
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
@@ -57,6 +59,7 @@ INSET_M = 0.015
 ABOVE_Z_M = 0.865
 GRASP_Z_M = 0.765
 """Centre of a voxel; the fingertips, 1 cm beyond, end 5 mm above the table."""
+MAX_SETTLE_TICKS = 40
 # Straight down, fingers to both sides of the rope.
 PREFERRED_OPENING = {Arm.LEFT: np.array([0.0, 1.0, 0.0]), Arm.RIGHT: np.array([-1.0, 0.0, 0.0])}
 
@@ -100,7 +103,7 @@ class StraightenRope(Task):
         along = HEAD_START_M - TAIL_START_M
         heading_rad = np.arctan2(along[1], along[0]) + rope.tail_heading_rad
         laid = middle @ Pose.upright((*scale * TAIL_START_M, rope.knot_radius_m), heading_rad)
-        at_rest_from_laid, joints = at_rest(rope, rope.knot_radius_m)
+        at_rest_from_laid, joints = _at_rest(rope)
         scene.place(ROPE.name, laid @ at_rest_from_laid, joints)
         return True
 
@@ -139,3 +142,17 @@ def _hands(end: Pose, plate: Pose, preferred) -> tuple[Pose, Pose]:
         return Pose.looking((*at.position[:2], GRASP_Z_M), approach=(0, 0, -1), opening=side * across)
 
     return hand(end, across_end), hand(plate, across_plate)
+
+
+@cache
+def _at_rest(rope: Rope) -> tuple[Pose, NDArray[np.float64]]:
+    """Lay a rope down on an empty table, and wait until it sleeps; once per process instead of at every reset.
+
+    Returns:
+        Its root's pose at rest in the frame of where it was laid, and the values of its joints, in the model's order.
+    """
+    scene = Scene((rope,))
+    laid = Pose.upright((*TABLE_CENTRE_XY_M, TABLE_HEIGHT_M + rope.knot_radius_m))
+    scene.place(rope.name, laid)
+    scene.settle(MAX_SETTLE_TICKS)
+    return laid.inverse() @ scene.pose(rope.name), scene.joints_below(rope.name)

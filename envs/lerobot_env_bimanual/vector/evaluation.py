@@ -35,8 +35,6 @@ MAX_REASONS = 5
 
 logger = logging.getLogger(__name__)
 
-_log = logging.getLogger(__name__)
-
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -186,7 +184,7 @@ class KeptEpisodes:
         world = world_version(self._task, self._options.perturb, self._options.setting)
         trained = self._evaluation.trained_worlds.get(self._task, world)
         if trained != world and not self._options.perturb:
-            _log.warning(
+            logger.warning(
                 f"the policy learned {self._task} in world {trained}, and is evaluated in {world}: another setting, or another "
                 "version of the task, in which it may fail for no fault of its own; train it on demonstrations made here"
             )

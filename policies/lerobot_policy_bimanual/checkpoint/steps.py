@@ -98,13 +98,12 @@ def check_classes(file: Path, processor: object) -> None:
             )
 
 
-def step_names(file: Path, processor: object, inputs: set[str]) -> list[str]:
+def step_names(file: Path, processor: object) -> list[str]:
     """The names of the steps of a processor; their options are checked, and the tensors that they name.
 
     Args:
         file: the file.
         processor: the JSON value in it.
-        inputs: keys of the policy's inputs.
 
     Raises:
         CheckpointError: the file is malformed, or an option or a tensor is.
@@ -112,7 +111,7 @@ def step_names(file: Path, processor: object, inputs: set[str]) -> list[str]:
     """
     try:
         steps = _Processor.from_json(json.dumps(processor)).steps
-        return [_checked(file, step, inputs) for step in steps]
+        return [_checked(file, step) for step in steps]
     except BadRecord as error:
         raise CheckpointError(f"{file}: {error}") from error
 
@@ -122,7 +121,7 @@ def options_text(options: Mapping[str, object]) -> str:
     return ", ".join(f"{plain(key)}={shown(value)}" for key, value in [*options.items()][:5])
 
 
-def _checked(file: Path, value: dict[str, Any], inputs: set[str]) -> str:
+def _checked(file: Path, value: dict[str, Any]) -> str:
     """The name of a step.
 
     Raises:
@@ -136,15 +135,7 @@ def _checked(file: Path, value: dict[str, Any], inputs: set[str]) -> str:
     unknown = {key: value for key, value in step.config.items() if key not in known}
     if kind is None or unknown:
         raise NotSafeToSay(f"{file}: the step {shown(name)}", options_text(unknown))
-    options = kind.from_json(json.dumps(step.config))
-    if isinstance(options, _Rename):
-        renamed = options.rename_map
-        taken, given = inputs & renamed.keys(), [*renamed.values()]
-        if taken or not inputs.issuperset(given) or len(set(given)) < len(given):
-            raise CheckpointError(
-                f"{file} renames {shown(renamed)}, but may only rename what the policy does not read, each to another of its "
-                "inputs: it would see another camera"
-            )
+    kind.from_json(json.dumps(step.config))
     if step.state_file is not None:
         check_weights(file.parent / step.state_file)
     return name
