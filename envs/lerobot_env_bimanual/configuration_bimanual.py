@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 
-from lerobot_bimanual.arms import CONTROL_HZ, JOINT_ACTION_DIM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.joint_action import CONTROL_HZ, JOINT_ACTION_DIM
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_env_bimanual.options import EnvOptions
 

@@ -12,8 +12,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import Condition, on_the_way
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARM_ACTION_DIM, Arm, by_arm
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import rotation_vector
+from lerobot_bimanual.joint_action import ARM_ACTION_DIM, by_arm
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Move
 from lerobot_env_bimanual.motion.feasibility import goal_postures

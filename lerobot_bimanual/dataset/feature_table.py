@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from lerobot.datasets.pyav_utils import write_u16_plane
 from lerobot.datasets.video_utils import StreamingVideoEncoder
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.dataset.schema import DEPTH_MAX_M, DEPTH_MIN_M
+from lerobot_bimanual.joint_action import CONTROL_HZ
 
 TICK = Fraction(1, CONTROL_HZ)
 

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import CONTROL_HZ, JOINTS_PER_ARM, by_arm
+from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.episode import Demonstration
+from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
 
 
 def rows_of_view(episode: Demonstration, view: View, intermediate: Sequence[float] = ()) -> list[int]:

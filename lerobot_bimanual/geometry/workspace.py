@@ -23,11 +23,6 @@ class Workspace:
     lower: Vector3
     upper: Vector3
 
-    def __post_init__(self):
-        """Refuse empty boxes."""
-        if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
-            raise ValueError(f"workspace lower {self.lower} must be below upper {self.upper} on every axis")
-
     @property
     def size(self) -> NDArray[np.float64]:
         """Edge lengths (3,) in metres."""

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from lerobot_bimanual.arms import CONTROL_HZ
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.results.episode import Episode, EpisodeCount, LoadMetrics, StateHash
 from lerobot_bimanual.results.evaluation import WorldVersion
 from lerobot_bimanual.results.record import Record

@@ -11,9 +11,10 @@ from lerobot.robots.robot import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import CONTROL_HZ, JOINT_ACTION_DIM, JOINTS_PER_ARM, by_arm
+from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.joint_action import CONTROL_HZ, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import ActionReader

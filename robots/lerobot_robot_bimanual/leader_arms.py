@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm, by_arm
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, quat_wxyz_multiply, rotation_vector
+from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.robots.kinematics import EXACT, LIMIT_SAFETY_RAD
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 

@@ -6,7 +6,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.keyframes import discover_keyframes
+from lerobot_bimanual.joint_action import discover_keyframes
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM, KEYPOSE_NAMES
 

@@ -3,7 +3,8 @@
 import pytest
 from adversaries.ways import DOES_IT, NO_WAY_KNOWN, one_armed, tally
 
-from lerobot_bimanual.arms import Arm, by_arm
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import run_episode
 

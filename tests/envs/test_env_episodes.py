@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import by_arm
+from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.conditions import Always, Condition
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
-from lerobot_bimanual.keyframes import GRIPPER_FRAMES
+from lerobot_bimanual.joint_action import GRIPPER_FRAMES
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots import panda
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR

@@ -21,10 +21,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from PIL import Image
 
-from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.schema import VIEWS, View
+from lerobot_bimanual.joint_action import CONTROL_HZ
 
 ROWS, ENTRIES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
 FRONT, FRONT_DEPTH, WRIST = (

@@ -11,12 +11,13 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from lerobot_bimanual import cli
-from lerobot_bimanual.arms import ARMS, JOINT_ACTION_DIM
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import INFO_FILE
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_policy_bimanual.inspection.accuracy import measure
 from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset

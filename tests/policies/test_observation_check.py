@@ -159,13 +159,6 @@ def test_another_task_and_another_size_are_warned_of_once(make_policy, make_batc
     assert re.search(r"never trained with 'lift the ball 0', but with 'push the box': .*--env\.task", task)
 
 
-@pytest.mark.parametrize("instructions", [map(str, range(5000)), ["very " * 3000 + "long"]])
-def test_datasets_with_endless_instructions_are_not_remembered(instructions):
-    config = PerAct2Config(device="cpu")
-    fit_config(config, Meta(list(instructions), 16, 16), None)
-    assert config.trained_instructions == ()
-
-
 def test_a_batch_of_rows_is_completed_with_the_calibration_of_all_rows(make_policy, make_batch):
     batch, config = make_batch(), make_policy().config
     calibration = Calibration.of_observation(

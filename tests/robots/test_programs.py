@@ -20,8 +20,8 @@ from lerobot.configs.train import TrainPipelineConfig  # noqa: F401  before plug
 from lerobot.datasets import LeRobotDataset
 
 from lerobot_bimanual import cli
-from lerobot_bimanual.arms import CONTROL_HZ, by_arm
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual.bimanual_sim import BimanualSim
 from lerobot_robot_bimanual.leaders import BimanualKeyboard

@@ -30,10 +30,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARMS, JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import JOINT_NAMES
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION, QUATERNION
 from lerobot_env_bimanual.episode.progress import EpisodeProgress

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS, JOINT_ACTION_DIM
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_env_bimanual.conditions import Condition, check, on_the_way
 from lerobot_env_bimanual.options import SETTINGS, SPLITS, STANDARD
 from lerobot_env_bimanual.task import TaskSpec, Variation

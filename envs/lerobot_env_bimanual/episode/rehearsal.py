@@ -10,9 +10,10 @@ from itertools import chain, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS, Arm, by_arm
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.joint_action import by_arm
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import Carried

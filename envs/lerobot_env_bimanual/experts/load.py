@@ -22,9 +22,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARM_ACTION_DIM, ARMS
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import state_hash_column
-from lerobot_bimanual.keyframes import discover_keyframes
+from lerobot_bimanual.joint_action import ARM_ACTION_DIM, discover_keyframes
 from lerobot_bimanual.results.episode import LoadMetrics
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv

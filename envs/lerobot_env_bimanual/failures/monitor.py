@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS, Arm, by_arm
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.conditions import Condition, check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import LoadMeter

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lerobot_bimanual.arms import ARMS, JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.episode import Demonstration
-from lerobot_bimanual.keyframes import discover_keyframes
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm, discover_keyframes
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.experts.recorder import Tape

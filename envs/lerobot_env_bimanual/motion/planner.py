@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARM_ACTION_DIM, ARMS, JOINT_ACTION_DIM, JOINTS_PER_ARM, Arm, by_arm
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_bimanual.keyframes import GRIPPER_FRAMES
+from lerobot_bimanual.joint_action import ARM_ACTION_DIM, GRIPPER_FRAMES, JOINT_ACTION_DIM, by_arm
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import CONTROL_HZ, Arm
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import is_free
 from lerobot_env_bimanual.motion.joint_path import JointPath

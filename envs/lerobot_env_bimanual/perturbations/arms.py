@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS, CONTROL_HZ, JOINTS_PER_ARM, by_arm
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
 from lerobot_env_bimanual.perturbations.axis import Action, Axis, Moment, Start, data, register
 from lerobot_env_bimanual.world.scene import Scene
 

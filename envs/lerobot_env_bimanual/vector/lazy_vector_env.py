@@ -27,9 +27,9 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice
 from lerobot_bimanual.interrupts import interrupts_ignored
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.env import BimanualEnv

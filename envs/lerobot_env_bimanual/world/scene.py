@@ -9,8 +9,9 @@ from itertools import cycle, islice
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARMS, GRIPPERS, JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.props.prop import Prop

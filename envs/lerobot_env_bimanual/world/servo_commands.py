@@ -3,15 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import (
-    ARM_ACTION_DIM,
-    ARMS,
-    CONTROL_HZ,
-    JOINT_ACTION_DIM,
-    JOINTS_PER_ARM,
-    Arm,
-    by_arm,
-)
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.joint_action import ARM_ACTION_DIM, CONTROL_HZ, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.panda_pair import ArmPair
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S

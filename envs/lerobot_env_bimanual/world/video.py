@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.joint_action import CONTROL_HZ
 
 CRF = "20"
 """Constant rate factor of H.264: visually clean at about 100 kB per second of video."""

@@ -1,7 +1,7 @@
 """Processor steps that load nothing by name, each with its options and tensors: all that a checkpoint may name and be safe."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +12,6 @@ from torch import Tensor
 from lerobot_bimanual.errors import plain, shown
 from lerobot_bimanual.results.record import BadRecord, Record
 from lerobot_policy_bimanual.errors import CheckpointError
-from lerobot_policy_bimanual.keypose.weights import check_tensors
 
 type Kind = Literal["STATE", "VISUAL", "ENV", "ACTION", "REWARD", "LANGUAGE"]
 type Mode = Literal["MIN_MAX", "MEAN_STD", "IDENTITY", "QUANTILES", "QUANTILE10"]
@@ -167,3 +166,44 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
         raise CheckpointError(
             f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
         ) from error
+
+
+def check_tensors(
+    source: str,
+    names: Collection[str],
+    get: Callable[[str], Tensor],
+    expected: Mapping[str, Tensor] | None = None,
+) -> int:
+    """Check tensors, one at a time.
+
+    Args:
+        source: where they come from, for messages.
+        names: of the tensors.
+        get: gives a tensor by its name.
+        expected: tensors on any device, by name, with which they must agree in shape and type; None for any.
+
+    Returns:
+        The number of elements of all tensors.
+
+    Raises:
+        CheckpointError: they are not those that are expected, or numbers in them are not finite.
+    """
+    if expected is not None and (differ := set(names) ^ expected.keys()):
+        lacking = differ - set(names)
+        word, which = ("lacks", lacking) if lacking else ("has unknown", differ)
+        raise CheckpointError(
+            f"{source} {word} tensors for the network of its config, such as {plain(min(which))}"
+        )
+    elements = 0
+    for name in sorted(names):
+        tensor = get(name)
+        own = tensor if expected is None else expected[name]
+        if (tensor.shape, tensor.dtype) != (own.shape, own.dtype):
+            raise CheckpointError(
+                f"{plain(name)} in {source} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
+                f"{tuple(own.shape)} {own.dtype}"
+            )
+        if not (tensor.float() if tensor.itemsize == 1 else tensor).isfinite().all():  # float8 lacks the test
+            raise CheckpointError(f"{plain(name)} in {source} holds numbers that are not finite")
+        elements += tensor.numel()
+    return elements

@@ -24,10 +24,6 @@ from lerobot_policy_bimanual.keypose.fields import check_fields
 CODE_HORIZON = 25
 """`keypose_horizon` of PerAct2's code, for all tasks."""
 
-MAX_INSTRUCTION_CHARACTERS = 10_000
-"""Total length of the instructions of a training that a config stores: of very many sentences none is typical."""
-
-
 DECIDED = (
     *("workspace_lower", "workspace_upper", "use_keypose_step", "keypose_horizon"),
     *("voxel_size", "heads", "leader", "point_radius"),
@@ -78,8 +74,7 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
     """
     if meta is not None:
         check_label(meta.features.get(ACTION, {}).get("shape", ()))
-        tasks = () if meta.tasks is None else tuple(map(str, meta.tasks.index))
-        config.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()
+        config.trained_instructions = () if meta.tasks is None else tuple(map(str, meta.tasks.index))
         provenance = Path(meta.root) / PROVENANCE_FILE
         made = json.loads(provenance.read_text(encoding="utf-8")) if provenance.is_file() else {}
         config.trained_worlds = made.get("worlds", {})

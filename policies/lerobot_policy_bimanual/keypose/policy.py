@@ -1,6 +1,5 @@
 """The base of all keypose policies: LeRobot's policy interface around a network that predicts the next keypose."""
 
-import logging
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,14 +14,14 @@ from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.schema import ACTION
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import InvalidChoice, plain
+from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.dataset_fit import check_label, compare_with_checkpoint, fit_config
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.keypose.observation import Observation, observe, with_calibration
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
-from lerobot_policy_bimanual.keypose.weights import check_tensors
 from lerobot_policy_bimanual.nn.language import LearnedLanguage
 from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
@@ -64,11 +63,6 @@ class KeyposePolicy(PreTrainedPolicy):
         config.validate_features()
         fit_config(config, dataset_meta, dataset_stats)
         self.dataset_features: Mapping[str, Any] = {} if dataset_meta is None else dataset_meta.features
-        if dataset_meta is not None:
-            from lerobot_bimanual.resources import shared_memory_problem  # for loaders of a training
-
-            if problem := shared_memory_problem():
-                logging.warning(problem)
         self.codec = config.codec
         self.language = _make_language(config)
         self.network = self.make_network()
@@ -115,10 +109,14 @@ class KeyposePolicy(PreTrainedPolicy):
         """Take over weights: all of them and no others, where LeRobot by default only warns.
 
         Raises:
-            CheckpointError: weights are missing, unknown, of another shape or not finite.
+            CheckpointError: weights are missing, unknown or of another shape.
         """
-        check_tensors("the checkpoint", state_dict.keys(), state_dict.__getitem__, self.state_dict())
-        return super().load_state_dict(state_dict, strict, assign)
+        try:
+            return super().load_state_dict(state_dict, True, assign)
+        except RuntimeError as error:
+            raise CheckpointError(
+                f"the checkpoint is not of the network of its config: {plain(error)}"
+            ) from error
 
     def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All trained parameters."""

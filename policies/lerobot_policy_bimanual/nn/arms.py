@@ -14,9 +14,6 @@ from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, Translation
 KEYPOSE_NUMBERS = 3 + 3 + 1 + 1
 """Numbers of one keypose: position, rotation, gripper flag and collision flag (PerAct2 code)."""
 
-GOAL_SIGMA = 3.0
-"""Width of the mark of another arm's goal, in voxels or pixels."""
-
 
 class IndependentArms(nn.Module):
     """Predicts each arm's keypose from the scene and that arm's own proprioception.
@@ -142,20 +139,6 @@ class JointTranslation:
     def probabilities(self) -> Tensor:
         """Probabilities (b, arms, v, v, v) of all voxels."""
         return torch.cat([part.probabilities() for part in self.parts], dim=1)
-
-
-def near(index: Tensor, size: int) -> Tensor:
-    """How near each place on an axis is to some: 1 there, less by a Gaussian of `GOAL_SIGMA` places.
-
-    Args:
-        index: (...) places on the axis, from 0.
-        size: places on the axis.
-
-    Returns:
-        (..., size) float32.
-    """
-    distance = torch.arange(size, device=index.device) - index[..., None]
-    return torch.exp(-((distance / GOAL_SIGMA) ** 2) / 2)
 
 
 def join_arms(predictions: Sequence[KeyposePrediction]) -> KeyposePrediction:

@@ -1,10 +1,14 @@
-"""Layers of PerAct and RVT: their LeakyReLU, attention and feed-forward, and filters that depend on the instruction."""
+"""Layers of PerAct and RVT: LeakyReLU, attention, feed-forward, filters that depend on the instruction, marks of places."""
 
+import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
 LEAK = 0.02
 """Slope of every LeakyReLU (PerAct2 code; not PyTorch's 0.01)."""
+
+GOAL_SIGMA = 3.0
+"""Width of the mark of another arm's goal, in voxels or pixels."""
 
 
 def activate(x: Tensor) -> Tensor:
@@ -116,3 +120,17 @@ class LanguageFilters(nn.Linear):
     def forward(self, input: Tensor) -> Tensor:
         """Language tokens (b, tokens, dim) to filters (b, outputs, inputs + 1), the bias last."""
         return super().forward(input.mean(dim=1)).unflatten(1, self.shape)
+
+
+def near(index: Tensor, size: int) -> Tensor:
+    """How near each place on an axis is to some: 1 there, less by a Gaussian of `GOAL_SIGMA` places.
+
+    Args:
+        index: (...) places on the axis, from 0.
+        size: places on the axis.
+
+    Returns:
+        (..., size) float32.
+    """
+    distance = torch.arange(size, device=index.device) - index[..., None]
+    return torch.exp(-((distance / GOAL_SIGMA) ** 2) / 2)

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from lerobot_bimanual.geometry.workspace import Workspace
-from lerobot_policy_bimanual.nn.arms import near
+from lerobot_policy_bimanual.nn.layers import near
 
 GRID_CHANNELS = 10
 """Mean xyz [m], mean RGB in [-1, 1], voxel index / voxels, occupancy 0 or 1 (PerAct2 code)."""

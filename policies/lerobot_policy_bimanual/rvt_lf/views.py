@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from lerobot_policy_bimanual.nn.arms import near
+from lerobot_policy_bimanual.nn.layers import near
 
 X, Y, Z, MINUS_X, MINUS_Y, MINUS_Z = range(6)
 """Signed axes of the workspace, as indices into coordinates followed by mirrored coordinates."""

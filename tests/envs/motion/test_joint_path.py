@@ -5,8 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import ARMS, CONTROL_HZ, Arm
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.motion import time_law
 from lerobot_env_bimanual.motion.joint_path import STEP_RAD, JointPath, rounded
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines

@@ -1,9 +1,21 @@
-"""Keyframe discovery: the rows of a recorded episode where a new keypose begins."""
+"""The joint action: what one control tick commands, per arm seven joint targets and the gripper; and keyframe discovery in them.
+
+As a vector (16,) it is what `BimanualEnv.step` takes and the column `action` stores: left joints in rad, left gripper
+from 0 closed to 1 open, then the same of the right arm.
+"""
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import JOINT_ACTION_DIM, JOINTS_PER_ARM, by_arm
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+
+CONTROL_HZ = 20
+"""Control ticks per second; one tick is one dataset frame (RLBench records one observation per 0.05 s)."""
+
+ARM_ACTION_DIM = JOINTS_PER_ARM + 1
+JOINT_ACTION_DIM = len(ARMS) * ARM_ACTION_DIM
+GRIPPERS = slice(JOINTS_PER_ARM, None, ARM_ACTION_DIM)
+"""The two gripper entries of a vector."""
 
 STILL_RAD = 5e-5
 """Change of a commanded joint per frame below which it rests: 0.001 rad/s at 20 Hz."""
@@ -13,6 +25,11 @@ MIN_REST_FRAMES = 2
 
 GRIPPER_FRAMES = 10
 """Half a second, in which a gripper opens or closes: 40 mm per finger at 0.1 m/s, and a moment to press."""
+
+
+def by_arm[T: np.generic](actions: NDArray[T]) -> NDArray[T]:
+    """The same numbers with an axis for the arms, (..., 16) -> (..., 2, 8); a view of contiguous arrays."""
+    return actions.reshape(*actions.shape[:-1], len(ARMS), ARM_ACTION_DIM)
 
 
 def discover_keyframes(actions: ArrayLike) -> list[int]:
