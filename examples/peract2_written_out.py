@@ -19,8 +19,8 @@ steps, with the paper's sizes, in the order of this file:
 
 The policies' network (`network.PerActNetwork`) computes the same function faster. Here every arm runs through every layer
 on its own, maps are really upsampled and concatenated, attention is two matrix products, and labels are one-hot vectors.
-All takes the parameters of a `PerActNetwork` by name, so that the tests compare outputs and gradients, and
-`benchmarks/policies.py --reference` compares time and memory. Shapes: b samples, v voxels per axis, p patches per axis, t tokens.
+All takes the parameters of a `PerActNetwork` by name, so that the tests compare outputs and gradients.
+Shapes: b samples, v voxels per axis, p patches per axis, t tokens.
 """
 
 from collections.abc import Mapping
