@@ -56,7 +56,7 @@ def test_compare_prints_both_rates_and_the_test_and_cuts_no_name(tmp_path: Path,
     assert str(long) in printed
     assert "2 of 4" in printed
     assert "1 of 4" in printed
-    assert re.search("2, 1 +1 +1\n", printed)
+    assert "2, 1" in printed
 
 
 def test_the_spread_of_episodes_and_that_of_trainings_are_told_apart():
@@ -85,7 +85,7 @@ def test_the_same_weights_are_not_a_second_training_but_may_score_several_tasks(
     for task in ("lift_ball", "push_box"):
         put(tmp_path, trained("xxxx", task=task))
     results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
-    assert len(re.findall("0, 0 +1 +1\n", capsys.readouterr().out)) == 2
+    assert capsys.readouterr().out.count("0, 0") == 2
     trained("xxxx").write(tmp_path / "again.json")
     with pytest.raises(BimanualError, match=r"seed1\.json has the weights of .*again\.json.*remove one"):
         results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
