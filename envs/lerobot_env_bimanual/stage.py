@@ -38,6 +38,18 @@ class Stage:
     turns: tuple[str, float] | None = None
     presses: str | None = None
 
+    def swapped(self) -> Stage:
+        """The stage with each arm in the place of the other."""
+        return replace(
+            self,
+            left=self.right,
+            right=self.left,
+            left_open=self.right_open,
+            right_open=self.left_open,
+            left_holds=self.right_holds,
+            right_holds=self.left_holds,
+        )
+
     def keypose(self, previous: BimanualKeypose) -> BimanualKeypose:
         """The target of both arms, with what the stage leaves open taken from the `previous` target."""
         return BimanualKeypose(

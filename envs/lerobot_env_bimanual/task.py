@@ -91,6 +91,8 @@ class TaskSpec:
         varied: sets of props of the setting `varied`, of which each episode has one; they have the same names in the same
             order. Without any, things are those of `standard`.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
+        plans: names of the ways in which the expert may do it, such that both arms must go the same one; the first is that of
+            every episode but those of `dataset generate --plans=several`.
         load_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
             (`lerobot_env_bimanual.experts.load`) are too low for it; the task's file says why.
     """
@@ -105,6 +107,7 @@ class TaskSpec:
     variations: tuple[Variation, ...] = (Variation(),)
     varied: tuple[tuple[Prop, ...], ...] = ()
     needs_both_arms: bool = False
+    plans: tuple[str, ...] = ("usual",)
     load_bounds: Mapping[str, float] = field(default_factory=dict)
 
     def prop_sets(self, setting: str) -> tuple[tuple[Prop, ...], ...]:
@@ -133,6 +136,18 @@ class TaskSpec:
             valid = f"'any' or an integer from 0 to {count - 1}"
             raise InvalidChoice(f"variation of {self.name}", variation, valid)
         return int(variation)
+
+    def checked_plan(self, plan: int) -> int:
+        """The number of a plan, if the task has it.
+
+        Raises:
+            InvalidChoice: it has not.
+        """
+        if plan not in range(len(self.plans)):
+            raise InvalidChoice(
+                f"plan of {self.name}", plan, [f"{number} ({name})" for number, name in enumerate(self.plans)]
+            )
+        return plan
 
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""
@@ -187,6 +202,10 @@ class Task(ABC):
 
         It is resumed after the previous stage has been executed or rehearsed, so it may read where things are then.
         """
+
+    def by_plan(self, variation: Variation, plan: int = 0) -> Script:
+        """The script by the plan of this number; the scripts of tasks with several plans take it as `plan`."""
+        return partial(self.script, variation=variation, **({"plan": plan} if plan else {}))
 
     def conditions(self, variation: Variation) -> tuple[Condition, ...]:
         """Conditions of success of one variation."""

@@ -54,6 +54,8 @@ class BenchmarkConfig:
     perturb: str = ""
     setting: Literal["standard", "varied"] = "standard"  # of demonstrations, evaluations and baselines
     demos_perturb: str = ""  # perturbations of the demonstrations, likewise
+    # `several`: demonstrations by each of the task's plans equally often; see `dataset generate`.
+    demos_plans: Literal["one", "several"] = "one"
     first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
     # Further flags of the training, in one text; they win over the recipe's.
     train_flags: str = ""
@@ -107,6 +109,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         setting=config.setting,
         perturb=levels_text(parse_levels(config.perturb)),
         demos_perturb=levels_text(parse_levels(config.demos_perturb)),
+        demos_plans=config.demos_plans,
         device=config.device or usual_device,
         training=training | own | _options(config, "train_flags"),
         evaluation=_options(config, "eval_flags"),

@@ -65,7 +65,7 @@ class Plan:
         """The demonstrations."""
         kind = self.recipe.view if self.recipe.depth else f"{self.recipe.view}_rgb"
         name = f"{kind}_{self.settings.image_size}_{self.settings.demos}"
-        return self.source / perturbed(name, self.settings.demos_perturb)
+        return self.source / self.settings.demonstrated(name)
 
     @property
     def training_folder(self) -> Path:
@@ -132,6 +132,7 @@ class Plan:
             "repo_id": self._repo_id,
             "perturb": settings.demos_perturb,
             "setting": self._setting,
+            "plans": "" if settings.demos_plans == "one" else settings.demos_plans,
             "workers": self.workers,
         }
         words = ["lerobot-bimanual", "dataset", "generate", *flag_words(_given(options))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,6 +41,9 @@ columns, and not side files, because columns survive every tool that merges, spl
 SUCCESS, FAILURE_CLASS = "success", "failure_class"
 OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"}
 """Further columns of shape (1,) of policies' episodes: whether it was solved, and the class of its failure, "" if it was."""
+PLAN = "plan"
+PLANS: dict[str, str] = {PLAN: "int64"}
+"""A further column of shape (1,) of demonstrations with several plans: which one was drawn. No policy reads it."""
 
 
 def features(
@@ -48,7 +52,7 @@ def features(
     width: int,
     view: schema.View,
     depth: bool = True,
-    outcome: bool = False,
+    further: Mapping[str, str] | None = None,
     calibration: BaseModel | None = None,
 ) -> dict[str, dict[str, Any]]:
     """LeRobot feature table of one view.
@@ -60,7 +64,7 @@ def features(
         view: "frames" has joint actions and stores images as video, "keyframes" has keyposes and stores images losslessly
             in the table.
         depth: whether each camera has a depth image.
-        outcome: whether rows say what became of their episode; demonstrations are all solved.
+        further: dtypes of further columns of shape (1,): `OUTCOME`, of policies' episodes, or `PLANS`.
         calibration: the `Calibration` of all rows; None where rows hold all of it, as the environment's observations do.
     """
     dtype = "video" if view == "frames" else "image"
@@ -81,7 +85,7 @@ def features(
         vectors[schema.WRIST_EXTRINSICS] = schema.WRIST_EXTRINSIC_NAMES
     for key, elements in vectors.items():
         table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
-    for key, scalar in (SCALARS | (OUTCOME if outcome else {})).items():
+    for key, scalar in (SCALARS | dict(further or {})).items():
         table[key] = {"dtype": scalar, "shape": (1,), "names": None}
     table[schema.TASK_NAME]["info"] = {schema.VERSION_INFO: schema.SCHEMA_VERSION}
     if calibration is not None:

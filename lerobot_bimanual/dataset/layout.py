@@ -24,7 +24,10 @@ def view_of(features: Features) -> View:
 
 def column_types(features: Features) -> dict[str, pa.DataType]:
     """Arrow type of every column of the schema that is no image; LeRobot stores a vector of one number as a scalar."""
-    types = {key: pa.type_for_alias(dtype) for key, dtype in feature_table.SCALARS.items()}
+    scalars = feature_table.SCALARS | {
+        key: kind for key, kind in feature_table.PLANS.items() if key in features
+    }
+    types = {key: pa.type_for_alias(dtype) for key, dtype in scalars.items()}
     for key in (key for key in (*schema.VECTORS, schema.WRIST_EXTRINSICS, schema.ACTION) if key in features):
         (size,) = features[key]["shape"]
         types[key] = pa.float32() if size == 1 else pa.list_(pa.float32(), size)

@@ -54,7 +54,7 @@ def row_columns(episode: Demonstration, row: int, view: View) -> dict[str, NDArr
         schema.SPLIT: episode.meta.split,
         schema.VARIATION: np.array([episode.meta.variation], dtype=np.int64),
         schema.SEED: np.array([episode.meta.seed], dtype=np.int64),
-        **episode.outcome,
+        **episode.further,
     }
 
 

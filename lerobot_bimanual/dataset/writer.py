@@ -1,6 +1,6 @@
 """Writes episodes as LeRobotDataset v3, one dataset per view."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -55,7 +55,7 @@ class ViewWriter:
         intermediate: see `rows_of_view`.
         depth: whether depth images are stored; None for `keyframes` alone, from which keypose policies learn: LeRobot's own
             policies, which learn from `frames`, would take them for colours.
-        outcome: whether rows say what became of their episode.
+        further: dtypes of further columns, see `feature_table.features`.
         calibration: that of all rows, which rows then do not hold; None where it differs between them.
     """
 
@@ -69,7 +69,7 @@ class ViewWriter:
         width: int,
         intermediate: Sequence[float] = (),
         depth: bool | None = True,
-        outcome: bool = False,
+        further: Mapping[str, str] | None = None,
         calibration: Calibration | None = None,
     ):
         self.root = root
@@ -82,7 +82,7 @@ class ViewWriter:
             repo_id=repo_id,
             fps=feature_table.FPS[view],
             features=feature_table.features(
-                self._cameras, height, width, view, self._depth, outcome, calibration
+                self._cameras, height, width, view, self._depth, further, calibration
             ),
             robot_type=schema.ROBOT_TYPE,
             root=root,

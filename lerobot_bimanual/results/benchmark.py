@@ -50,6 +50,7 @@ class BenchmarkSettings(Record):
         first_seed: seed of the first validation and test episode.
         perturb: perturbations of the test, `AXIS:LEVEL,...`.
         demos_perturb: perturbations of the demonstrations.
+        demos_plans: "several" for demonstrations by each of the task's plans equally often.
         setting: of demonstrations and evaluations.
         device: torch device; None if LeRobot chose it.
         training: further options of `lerobot-train` by name: those of the recipe, and those that were given beside it.
@@ -72,6 +73,7 @@ class BenchmarkSettings(Record):
     first_seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     perturb: str = ""
     demos_perturb: str = ""
+    demos_plans: Literal["one", "several"] = "one"
     setting: Literal["standard", "varied"] = "standard"
     device: str | None = None
     training: dict[str, JsonValue]
@@ -108,8 +110,13 @@ class BenchmarkSettings(Record):
         """Steps after which LeRobot leaves a checkpoint, the last one included."""
         return (*range(self.save_freq, self.steps, self.save_freq), self.steps)
 
-    def _learned(self, name: str) -> str:
+    def demonstrated(self, name: str) -> str:
+        """A name with what is special about the demonstrations: their perturbations, and whether they follow several plans."""
         name = perturbed(name, self.demos_perturb)
+        return name if self.demos_plans == "one" else f"{name}_plans"
+
+    def _learned(self, name: str) -> str:
+        name = self.demonstrated(name)
         return f"{name}_on_{self.trained_on.replace(',', '.')}" if self.trained_on else name
 
 

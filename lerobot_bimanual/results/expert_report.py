@@ -13,7 +13,9 @@ from lerobot_bimanual.results.episode import Episode, EpisodeCount, LoadMetrics,
 from lerobot_bimanual.results.evaluation import WorldVersion
 from lerobot_bimanual.results.record import Record
 
-PlayerName = Literal["expert", "replanning", "noop", "random", "open_loop", "nearest", "language_ablated"]
+PlayerName = Literal[
+    "expert", "replanning", "noop", "random", "open_loop", "nearest", "mixed", "language_ablated"
+]
 PLAYERS: tuple[PlayerName, ...] = get_args(PlayerName)
 EXPERTS: tuple[PlayerName, ...] = ("expert", "replanning")
 """Players that must succeed, and whose episodes are measured; all others are baselines."""
@@ -82,6 +84,7 @@ class ExpertReport(Record):
         n_seeds: number of consecutive seeds.
         perturb: perturbations of the world, `AXIS:LEVEL,...`.
         setting: of the episodes.
+        plan: number of the expert's plan.
         versions: package -> version.
         worlds: task -> version of its world.
         violations: criteria that the player does not meet, one sentence each.
@@ -98,6 +101,7 @@ class ExpertReport(Record):
     n_seeds: EpisodeCount
     perturb: str = ""
     setting: Literal["standard", "varied"] = "standard"
+    plan: Annotated[int, Field(ge=0, lt=2**16)] = 0
     versions: dict[str, str]
     worlds: dict[str, WorldVersion]
     violations: tuple[str, ...] = ()

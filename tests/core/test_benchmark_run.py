@@ -173,6 +173,14 @@ def test_a_test_and_demonstrations_of_which_only_one_is_perturbed_are_of_two_wor
     assert (result.world, getattr(result.config, flag)) == (WORLD, "mass:1")
 
 
+def test_demonstrations_by_several_plans_have_names_of_their_own(programs, config):
+    plan = Plan.of(replace(config, demos_plans="several"))
+    assert "--plans=several" in plan.generation().words
+    assert plan.dataset.name == "keyframes_128_2_plans"
+    assert plan.result.name == "lift_ball_mine_small_seed1000_plans.json"
+    assert not any("plans" in word for word in Plan.of(config).generation().words)
+
+
 def test_demonstrations_of_other_versions_are_refused_before_a_policy_learns_from_them(programs, config):
     programs.versions |= {"mujoco": "1.0"}
     with pytest.raises(
@@ -226,7 +234,7 @@ def test_the_result_of_another_measurement_is_not_replaced(changes, message, pro
         {},
         {"variation": "00", "perturb": "mass:1,light:2", "first_seed": 7, "device": "cpu"},
         {"steps": 6, "save_freq": 6, "val_episodes": 0, "image_size": 64},
-        {"trained_on": "all", "demos_perturb": "mass:1"},
+        {"trained_on": "all", "demos_perturb": "mass:1", "demos_plans": "several"},
         {"train_flags": "--policy.shift=[0.5,1] '--policy.more=a b' --policy.lr=2e-3 --policy.name=\"it's\""},
         {"eval_flags": "--eval.batch_size=1", "train_flags": "--policy.depth=3.0 --policy.head=null"},
     ],

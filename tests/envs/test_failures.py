@@ -152,7 +152,7 @@ def test_the_command_prints_and_writes_what_it_found(tmp_path, capsys):
     assert re.search(rf"{SEED} +missed grasp +1 +left arm", printed.out)
     assert re.search(r"result +left arm +failed\nhandover_item_easy record +1 +1", printed.out)
     assert printed.err.endswith(f"next: lerobot-bimanual results report --results={path}\n")
-    (found,) = json.loads(output.read_text())[EASY]
+    (found,) = json.loads(output.read_text())["failures"][EASY]
     assert (found["responsible"], found["perturb"], found["file"]) == ("left arm", "", str(path))
 
 

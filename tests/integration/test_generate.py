@@ -2,8 +2,11 @@
 
 import re
 import shlex
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,10 +27,12 @@ from lerobot_env_bimanual.commands.dataset_generate import (
 )
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
+from lerobot_env_bimanual.experts.plans import drawn_plan
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.tasks.registry import get_task
 
 pytestmark = pytest.mark.sim
 
@@ -170,10 +175,19 @@ def test_variations_take_turns_and_a_failed_seed_is_replaced_by_its_next_one(tmp
         planned(small_generation(tmp_path / "broken", episodes=1), failing=range(100))
 
 
+def test_each_plan_has_its_share_whatever_seeds_are_skipped(tmp_path, small_generation):
+    config = small_generation(tmp_path / "plans", task="dual_push_buttons", episodes=20, plans="several")
+    skipped = {seed for seed in range(60) if seed % 3}
+    keys = {key for shards in planned(config, skipped) for _, keys in shards for key in keys}
+    spec = get_task("dual_push_buttons").spec
+    kept = [(v, drawn_plan(spec, "train", seed, "standard")) for seed, v in keys if seed not in skipped]
+    assert Counter(kept) == dict.fromkeys(product(range(5), range(2)), 2)
+
+
 def test_skipped_seeds_are_listed_with_reasons(tmp_path, small_generation, records_here, monkeypatch, capsys):
     record = Recorder.record
 
-    def fail_on_odd_seeds(recorder: Recorder, task: str, options: EnvOptions, seed: int, *others: int):
+    def fail_on_odd_seeds(recorder: Recorder, task: str, options: EnvOptions, seed: int, *others: Any):
         outcome, episode = record(recorder, task, options, seed, *others)
         if seed % 2 == 0:
             return outcome, episode
@@ -189,3 +203,15 @@ def test_skipped_seeds_are_listed_with_reasons(tmp_path, small_generation, recor
     assert skipped.seed == 1
     assert all(part in skipped.reason for part in ("out of time", "lifted"))
     assert skipped.reason in capsys.readouterr().out
+
+
+def test_with_several_plans_a_column_says_which_was_drawn(small_generation, tmp_path, records_here):
+    options = {"plans": "several", "view": "keyframes", "episodes": 2, "episodes_per_shard": 2}
+    config = small_generation(tmp_path / "several", **options)
+    make_dataset(settings_of(config), config.root, records_here())
+    dataset = RecordedDataset(config.root)
+    drawn = [set(dataset.episode(index).columns["plan"].tolist()) for index in range(2)]
+    assert sorted(drawn, key=min) == [{0}, {1}]
+    assert dataset.provenance is not None
+    assert dataset.provenance.settings["plans"] == "several"
+    assert "plans" not in settings_of(replace(config, plans="one")).model_dump()  # as in datasets of old

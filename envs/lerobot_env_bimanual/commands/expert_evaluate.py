@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from lerobot_bimanual.errors import InvalidChoice, check_range
 from lerobot_bimanual.files import check_output_file, check_output_folder
-from lerobot_bimanual.results.expert_report import EXPERTS, ExpertReport, PlayerName
+from lerobot_bimanual.results.expert_report import ExpertReport, PlayerName
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.registry import checked_perturbation
@@ -35,8 +35,9 @@ class ExpertEvaluateConfig:
     # `expert`; `replanning`, an expert that starts again after something other than a hand has moved a thing; `noop` holds
     # still; `random` plays keyposes from the whole workspace; `open_loop` repeats the mean keyposes of training episodes;
     # `nearest` repeats those of the one training episode, of 100, whose scene is most alike; `language_ablated` follows one
-    # of the instructions that the scene allows, at random.
+    # of the instructions that the scene allows, at random; `mixed` moves the left arm by one plan and the right one by another.
     player: PlayerName = "expert"
+    plan: int = 0  # number of the plan of the player `expert`, in tasks that can be done in several ways
     discretise: int = 0  # voxels per axis to which the keyposes of an expert are rounded; 0 leaves them exact
     # Play each solved episode of an expert again from its seed, by its joint actions or its keyposes, and compare the states.
     replay: Literal["none", "joint", "keypose"] = "none"
@@ -85,6 +86,8 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
     tasks = resolve_tasks(config.task)
     for task in tasks if config.variation != EACH_VARIATION else ():
         get_task(task).spec.variation_index(config.variation)
+    for task in tasks:
+        get_task(task).spec.checked_plan(1 if config.player == "mixed" else config.plan)
     _check(config)
     try:
         return _sweep(config, tasks) if config.axes else _evaluate(config, tasks)
@@ -97,13 +100,14 @@ def _check(config: ExpertEvaluateConfig) -> None:
     """Refuse what is impossible, and what would change nothing although a report would claim it."""
     for name, minimum in (("first_seed", 0), ("episodes", 1), ("open_loop_episodes", 1), ("discretise", 0)):
         check_range(name, getattr(config, name), minimum)
-    for name in ("discretise", "replay") if config.player not in EXPERTS else ():
+    fixed = {"expert": (), "replanning": ("plan",)}.get(config.player, ("discretise", "replay", "plan"))
+    for name in fixed:
         if (value := getattr(config, name)) != (usual := getattr(ExpertEvaluateConfig, name)):
             raise InvalidChoice(f"{name} of the player {config.player!r}", value, [str(usual)])
     if config.axes:
         if config.output is None:
             raise InvalidChoice("output with --axes", None, ["a folder for one report per task"])
-        for name in ("player", "variation", "setting", "perturb", "discretise", "replay"):
+        for name in ("player", "plan", "variation", "setting", "perturb", "discretise", "replay"):
             if (value := getattr(config, name)) != (usual := getattr(ExpertEvaluateConfig, name)):
                 raise InvalidChoice(f"{name} with --axes", value, [repr(usual)])
 
@@ -122,6 +126,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
         "n_seeds": config.episodes,
         "perturb": config.perturb,
         "setting": config.setting,
+        "plan": config.plan,
     }
     log = report = None
     if config.output is not None:
@@ -189,6 +194,7 @@ def _specs(
         config.replay,
         config.perturb,
         config.setting,
+        config.plan,
     )
     seeds = range(config.first_seed, config.first_seed + config.episodes)
     yield from (replace(spec, seed=seed) for seed in seeds)

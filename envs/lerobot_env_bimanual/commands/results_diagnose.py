@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
+    from lerobot_env_bimanual.failures.agreement import FirstChoices
     from lerobot_env_bimanual.failures.attribution import Attribution
 
 
@@ -40,13 +42,17 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     has lost the episode. There the keypose of one arm alone is replaced by the expert's: if that suffices, this arm is
     responsible; if either suffices, either; if neither does, their coordination. No weights are needed.
 
+    Of tasks that can be done by several plans it also says how often both arms first follow the same one.
+
     Examples:
         lerobot-bimanual results diagnose --results=results/leaderboard --policy=peract2
         lerobot-bimanual results diagnose --results=outputs/eval/lift_ball_test_record.json
         lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/failures.json
     """
     from lerobot_bimanual.results.record import result_paths
+    from lerobot_env_bimanual.failures.agreement import first_choices
     from lerobot_env_bimanual.failures.attribution import attribute_failures
+    from lerobot_env_bimanual.tasks.registry import get_task
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
 
     check_range("sample", config.sample, 0)
@@ -59,8 +65,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
         if config.policy not in policies:
             raise InvalidChoice("policy", config.policy, policies)
         results = [result for result in results if result.policy_id == config.policy]
-    content: dict[str, list[dict[str, Any]]] = {}
+    content: dict[str, dict[str, list[dict[str, Any]]]] = {"failures": {}, "first_choices": {}}
     groups: dict[str, list[Attribution]] = {}
+    choices: dict[str, list[FirstChoices]] = {}
     with WorkerPool(config.workers) as pool:
         for result in results:
             result.check_world()
@@ -70,14 +77,21 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             found = attribute_failures(result.record, chosen, pool)
             groups.setdefault(result.name, []).extend(found)
             source = {"file": str(result.path), "policy": result.policy_id, "perturb": result.record.perturb}
-            content.setdefault(result.record.task, []).extend(source | asdict(one) for one in found)
-            say(f"{result.path}: {len(episodes)} episodes of {result.record.task}, {len(failed)} failed")
+            task = result.record.task
+            content["failures"].setdefault(task, []).extend(source | asdict(one) for one in found)
+            if len(get_task(task).spec.plans) > 1:
+                made = first_choices(result.record, pool)
+                choices.setdefault(result.name, []).extend(made)
+                content["first_choices"].setdefault(task, []).extend(source | asdict(one) for one in made)
+            say(f"{result.path}: {len(episodes)} episodes of {task}, {len(failed)} failed")
             _print_episodes(found)
     for title, kind in (
         ("Failures by class:", "failure_class"),
         ("Failures by responsible arm:", "responsible"),
     ):
         _print_counts(groups, kind, title)
+    if choices:
+        _print_agreement(choices)
     if config.output is not None:
         write_file(config.output, json.dumps(content, indent=1) + "\n")
     show_next("lerobot-bimanual", "results", "report", f"--results={config.results}")
@@ -107,3 +121,26 @@ def _print_counts(groups: Mapping[str, Sequence[Attribution]], kind: str, title:
         failed=lambda table: table.sum(axis=1)
     )
     print_table(table.rename_axis("result").reset_index(), title)
+
+
+def _print_agreement(choices: Mapping[str, Sequence[FirstChoices]]) -> None:
+    """Print in how many scenes that allow all plans both arms first followed the same one, and which the arms followed."""
+    import pandas as pd
+
+    from lerobot_bimanual.results.statistics import SuccessRate
+
+    rows: list[dict[str, Any]] = []
+    for name, made in choices.items():
+        pairs = Counter((one.left_plan, one.right_plan) for one in made)
+        agreed = SuccessRate(sum(count for (left, right), count in pairs.items() if left == right), len(made))
+        rows.append(
+            {
+                "result": name,
+                "both arms agree": agreed,
+                "solved": sum(one.success for one in made),
+                "left plan, right plan: episodes": "; ".join(
+                    f"{left}, {right}: {count}" for (left, right), count in sorted(pairs.items())
+                ),
+            }
+        )
+    print_table(pd.DataFrame(rows), "First choices where all plans are possible:")

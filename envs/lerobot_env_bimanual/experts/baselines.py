@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,23 +40,29 @@ METRES_PER_RAD = 0.1
 
 
 def make_player(
-    name: PlayerName, seed: int, codec: KeyposeCodec | None = None, mean_keyposes: Sequence[ArrayLike] = ()
+    name: PlayerName,
+    seed: int,
+    codec: KeyposeCodec | None = None,
+    mean_keyposes: Sequence[ArrayLike] = (),
+    plan: int = 0,
 ) -> Player:
     """The player of a name.
 
     Args:
         name: name of the player.
-        seed: seeds the generators of `random` and `language_ablated`; the episode's own stays untouched.
+        seed: seeds the generators of `random`, `mixed` and `language_ablated`; the episode's own stays untouched.
         codec: rounds the keyposes of the experts.
         mean_keyposes: (18,) each, the keyposes of `open_loop` in every scene; see `mean_of_episodes`.
+        plan: number of the plan of `expert`.
     """
     players: dict[PlayerName, Player] = {
-        "expert": expert(codec),
+        "expert": expert(codec, plan),
         "replanning": replanning(codec),
         "noop": noop,
         "random": random(np.random.default_rng(seed)),
         "open_loop": open_loop(mean_keyposes),
         "nearest": nearest,
+        "mixed": mixed(np.random.default_rng(seed)),
         "language_ablated": language_ablated(np.random.default_rng(seed)),
     }
     return players[name]
@@ -95,6 +102,27 @@ def nearest(env: BimanualEnv) -> Iterator[Move]:
     """
     here, bank = Layout.of(env), demonstrations(env.task, env.variation, env.options.setting)
     return open_loop([*min(bank, key=lambda known: here.distance_m(known[0]))[1]])(env)
+
+
+def mixed(rng: np.random.Generator) -> Player:
+    """The left arm by one of the task's plans and the right arm by another, drawn at random, leniently."""
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        left_plan, right_plan = rng.permutation(len(env.task_definition.spec.plans))[:2]
+
+        def targets() -> Iterator[tuple[str, BimanualKeypose]]:
+            left_target = right_target = home_keypose(env.scene)
+            left_script, right_script = (
+                env.task_definition.by_plan(env.progress.variation, int(plan))(env.scene)
+                for plan in (left_plan, right_plan)
+            )
+            for left_stage, right_stage in zip_longest(left_script, right_script, fillvalue=Stage("stay")):
+                left_target, right_target = left_stage.keypose(left_target), right_stage.keypose(right_target)
+                yield left_stage.name, BimanualKeypose(left_target.left, right_target.right)
+
+        yield from _leniently(env, targets(), np.random.default_rng(0))
+
+    return play
 
 
 def language_ablated(rng: np.random.Generator) -> Player:

@@ -9,6 +9,8 @@ memory.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,10 +18,12 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.feature_table import PLAN
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
+from lerobot_env_bimanual.experts.plans import demonstrator, plan_of
 from lerobot_env_bimanual.experts.runner import expert_of, run_episode
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.world.scene import SceneState
@@ -73,7 +77,13 @@ class Recorder:
         self._env: BimanualEnv | None = None
 
     def record(
-        self, task: str, options: EnvOptions, seed: int, variation: int, voxels: int = 0
+        self,
+        task: str,
+        options: EnvOptions,
+        seed: int,
+        variation: int,
+        voxels: int = 0,
+        has_several_plans: bool = False,
     ) -> tuple[EpisodeOutcome, Demonstration | None]:
         """Play one episode.
 
@@ -83,23 +93,26 @@ class Recorder:
             seed: seed of the reset.
             variation: index of the task's variation.
             voxels: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
+            has_several_plans: whether the plan is drawn; the episode then tells it.
 
         Returns:
             What became of it, and the episode if it succeeded. The episode's images can be asked for until the
             next call.
 
         Raises:
-            PlacementFailure: the seed has no placement of the props that both arms can serve.
+            PlacementFailure: the seed has no placement of the props that both arms can serve, or not with all plans.
         """
         env = self._env_of(task, options)
         keyposes: list[NDArray[np.float32]] = []
         tape = Tape(env, lambda: len(keyposes) - 1)
         with env.observed_by(tape.note):
-            player = expert_of(env, KeyposeCodec(voxels=voxels) if voxels else None)
+            codec = KeyposeCodec(voxels=voxels) if voxels else None
+            player = partial(demonstrator, codec=codec) if has_several_plans else expert_of(env, codec)
             outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action), variation)
         if not outcome.success:
             return outcome, None
-        return outcome, tape.demonstration(np.array(keyposes))
+        further = {PLAN: np.array([plan_of(env)])} if has_several_plans else {}
+        return outcome, replace(tape.demonstration(np.array(keyposes)), further=further)
 
     def close(self) -> None:
         """Free the simulation and the renderer."""

@@ -54,16 +54,17 @@ type Player = Callable[[BimanualEnv], Iterator[Move]]
 """A player is started after the reset and resumed after each move, so it may read the scene."""
 
 
-def expert(codec: KeyposeCodec | None = None) -> Player:
+def expert(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
     """The task's script as a player.
 
     Args:
         codec: round every keypose to its voxels and bins, as a policy would command it.
+        plan: number of the task's plan.
     """
 
     def play(env: BimanualEnv) -> Iterator[Move]:
         target = home_keypose(env.scene)
-        for stage in env.task_definition.script(env.scene, env.progress.variation):
+        for stage in env.task_definition.by_plan(env.progress.variation, plan)(env.scene):
             target = stage.keypose(target)
             commanded = target if codec is None else codec.discretise(target)
             yield Move(stage.name, commanded.to_vector(), stage.presses)

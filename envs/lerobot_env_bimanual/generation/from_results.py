@@ -91,12 +91,12 @@ def record_replays(job: Replays) -> list[str]:
                 for view in () if writers else job.views:
                     how = {
                         "depth": job.depth,
-                        "outcome": True,
+                        "further": feature_table.OUTCOME,
                         "calibration": calibration,
                     }
                     writer = ViewWriter(folder / view, job.repo_id, view, job.cameras, *job.size, **how)
                     writers.append(stack.enter_context(writer))
-                write_episode(replace(played, outcome=outcome), writers)
+                write_episode(replace(played, further=outcome), writers)
         if writers:
             folder.rename(job.folder)
     return left_out

@@ -1,9 +1,9 @@
 """The plan: which seeds are tried, and in which shards.
 
 Candidate number c of a task has seed `first_seed + c` and the c-th of its variations in turn. A dataset holds the
-first successes of every variation in this order, so its content depends on nothing but the settings, however many
-processes tried the seeds. Candidates come in rounds: the first has as many as episodes are wanted; each further one
-replaces the failures of the rounds before.
+first successes of every variation, and of each plan where there are several, in this order, so its content depends on
+nothing but the settings, however many processes tried the seeds. Candidates come in rounds: the first has as many as
+episodes are wanted; each further one replaces the failures of the rounds before.
 """
 
 from __future__ import annotations
@@ -11,13 +11,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count, islice, product
 
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.results.record import Record
+from lerobot_env_bimanual.experts.plans import drawn_plan
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.tasks.registry import get_task
 
-MAX_FAILURES_PER_EPISODE = 1.0
+MAX_FAILURES_PER_EPISODE = {"one": 1.0, "several": 4.0}
+"""Half to all of the scenes allow all plans of their task."""
 MIN_FAILURES_ALLOWED = 20
 """A task whose expert fails on more seeds than this is broken, and generation stops."""
 
@@ -57,10 +61,10 @@ def next_round(settings: GenerationSettings, reports: Sequence[ShardReport]) -> 
     Raises:
         DatasetError: an expert failed too often; the message lists the reasons.
     """
-    found = Counter((key.task, key.variation) for report in reports for key in report.episodes)
+    found = Counter(_kind(settings, key) for report in reports for key in report.episodes)
     skipped = [seed for report in reports for seed in report.skipped]
-    tried = found + Counter((seed.task, seed.variation) for seed in skipped)
-    allowed = max(MIN_FAILURES_ALLOWED, MAX_FAILURES_PER_EPISODE * settings.episodes)
+    tried = found + Counter(_kind(settings, seed) for seed in skipped)
+    allowed = max(MIN_FAILURES_ALLOWED, MAX_FAILURES_PER_EPISODE[settings.plans] * settings.episodes)
     shards: list[Shard] = []
     for task in settings.tasks:
         failures = [f"seed {seed.seed}: {seed.reason}" for seed in skipped if seed.task == task]
@@ -79,11 +83,23 @@ def next_round(settings: GenerationSettings, reports: Sequence[ShardReport]) -> 
 def _candidates(
     settings: GenerationSettings, task: str, found: Counter, tried: Counter
 ) -> Iterator[EpisodeKey]:
-    """As many untried candidates of each variation as it lacks episodes."""
+    """As many untried candidates of each variation and plan as they lack episodes."""
     variations = settings.variations_of(task)
-    for place, variation in enumerate(variations):
-        wanted = len(range(place, settings.episodes, len(variations)))
-        first = tried[task, variation]
-        for turn in range(first, first + wanted - found[task, variation]):
-            seed = settings.first_seed + place + turn * len(variations)
-            yield EpisodeKey(task=task, variation=variation, split=settings.split, seed=seed)
+    plans = len(get_task(task).spec.plans) if settings.plans == "several" else 1
+    for (plan, variation), nth in zip(product(range(plans), variations), count()):
+        kind, place = (task, variation, plan), nth % len(variations)
+        missing = len(range(nth, settings.episodes, plans * len(variations))) - found[kind]
+        keys = (
+            EpisodeKey(task=task, variation=variation, split=settings.split, seed=seed)
+            for seed in count(settings.first_seed + place, len(variations))
+        )
+        yield from islice(
+            (key for key in keys if _kind(settings, key) == kind), tried[kind], tried[kind] + missing
+        )
+
+
+def _kind(settings: GenerationSettings, key: EpisodeKey | SkippedSeed) -> tuple[str, int, int]:
+    """Task, variation and plan of a candidate; episodes are divided equally among those of a task."""
+    is_drawn, spec = settings.plans == "several", get_task(key.task).spec
+    plan = drawn_plan(spec, settings.split, key.seed, settings.setting) if is_drawn else 0
+    return key.task, key.variation, plan

@@ -19,6 +19,8 @@ from lerobot_env_bimanual.experts.world_version import world_versions
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 from lerobot_env_bimanual.tasks.registry import get_task
 
+type Plans = Literal["one", "several"]
+
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -42,6 +44,7 @@ class GenerationSettings(Record):
         repo_id: LeRobot's name of the dataset.
         perturb: what is perturbed, `AXIS:LEVEL,...`; empty for nominal episodes.
         setting: of the episodes.
+        plans: "several" for demonstrations by each of a task's plans equally often; see `lerobot_env_bimanual.experts.plans`.
 
     Raises:
         BimanualError: a task, variation, camera or perturbation does not exist; the message lists the choices.
@@ -63,13 +66,17 @@ class GenerationSettings(Record):
     repo_id: Annotated[str, Field(pattern=r"^\w[\w. -]*(/\w[\w. -]*)?$")]
     perturb: str = ""
     setting: Literal["standard", "varied"] = "standard"
+    plans: Annotated[Plans, Field(exclude_if=lambda plans: plans == "one")] = "one"
 
     @model_validator(mode="after")
     def _exist(self) -> Self:
         if len(self.tasks) > len(set(self.tasks)):
             raise InvalidChoice("tasks", self.tasks, ["a list of different names"])
         for task in self.tasks:
-            get_task(task).spec.variation_index(self.variation)
+            spec = get_task(task).spec
+            spec.variation_index(self.variation)
+            if self.plans == "several" and len(spec.plans) == 1:
+                raise InvalidChoice(f"plans of {task}", self.plans, ["one"])
         if self.views not in (VIEWS, *((view,) for view in VIEWS)):
             raise InvalidChoice("views", self.views, [*VIEWS, "both in this order"])
         options = self.options
@@ -107,6 +114,7 @@ class GenerationSettings(Record):
             "discretise": self.discretise,
             "perturb": self.perturb,
             "setting": self.setting,
+            "plans": "" if self.plans == "one" else self.plans,
             "episodes_per_shard": self.episodes_per_shard,
             "root": root,
             "repo_id": self.repo_id,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
+from lerobot_bimanual.dataset import feature_table
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import PlacementFailure
@@ -47,7 +48,12 @@ def record_shard(job: Job) -> int:
             for candidate in shard.candidates:
                 try:
                     outcome, episode = recorder.record(
-                        candidate.task, options, candidate.seed, candidate.variation, settings.discretise
+                        candidate.task,
+                        options,
+                        candidate.seed,
+                        candidate.variation,
+                        settings.discretise,
+                        settings.plans == "several",
                     )
                     unmet = ", ".join(outcome.unmet) or "none"
                     reason = f"{outcome.failure}, at {outcome.last_move!r}; unmet: {unmet}"
@@ -70,6 +76,7 @@ def record_shard(job: Job) -> int:
                         *options.size,
                         settings.intermediate,
                         settings.depth,
+                        further=None if settings.plans == "one" else feature_table.PLANS,
                         calibration=calibration,
                     )
                     writers.append(stack.enter_context(writer))

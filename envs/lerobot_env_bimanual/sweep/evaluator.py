@@ -56,6 +56,7 @@ class EpisodeSpec:
         replay: how a solved episode of an expert is replayed afterwards.
         perturb: perturbations of the world, `AXIS:LEVEL,...`.
         setting: of the episode.
+        plan: number of the plan of the player `expert`.
     """
 
     task: str
@@ -68,6 +69,7 @@ class EpisodeSpec:
     replay: ReplayMode | Literal["none"] = "none"
     perturb: str = ""
     setting: str = STANDARD
+    plan: int = 0
 
     def __str__(self) -> str:
         place = f"{self.task} at {self.perturb}" if self.perturb else self.task
@@ -84,7 +86,7 @@ def play(spec: EpisodeSpec) -> EpisodeOutcome:
     """Play one episode in this process."""
     env = _environment(spec.task, spec.variation, spec.split, spec.perturb, spec.setting)
     codec = KeyposeCodec(voxels=spec.discretise) if spec.discretise else None
-    player = make_player(spec.player, spec.seed, codec, spec.mean_keyposes)
+    player = make_player(spec.player, spec.seed, codec, spec.mean_keyposes, spec.plan)
     try:
         if spec.player in EXPERTS:
             return run_measured(env, spec.seed, player, spec.replay)

@@ -91,6 +91,7 @@ class DualPushButtons(Task):
         success=(Pressed(RIGHT), Pressed(LEFT)),
         horizon_ticks=160,
         needs_both_arms=True,
+        plans=("each its own", "swapped"),
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -109,9 +110,9 @@ class DualPushButtons(Task):
             scene.set_color(name, rgba)
         return True
 
-    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation, plan: int = 0) -> Iterator[Stage]:
         """Above, press."""
-        return press(scene, LEFT, RIGHT)
+        return press(scene, *((RIGHT, LEFT) if plan else (LEFT, RIGHT)))
 
     def reading(self, scene: SceneView, variation: Variation) -> Script | None:
         """Push the buttons of the two named colours, if both are there, each with the hand on whose side it lies."""

@@ -57,6 +57,8 @@ APPROACH_GAP_M, VARIED_GAP_M = 0.030, 0.06
 SQUEEZE_SHARE = 1 / 18
 """Of the radius. The wrists then carry 8 of their 12 N m at most; deeper commands let the ball drift towards the weaker arm."""
 LIFT_TO_M = 1.10
+TURNED_RAD = np.deg2rad(25.0)
+"""Of the axis along which the hands press, by the other plan."""
 
 
 @register
@@ -77,6 +79,7 @@ class LiftBall(Task):
         ),
         horizon_ticks=200,
         needs_both_arms=True,
+        plans=("along y", "turned"),
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -89,9 +92,11 @@ class LiftBall(Task):
         scene.place("ball", place.translated((0, 0, radius_m)))
         return True
 
-    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation, plan: int = 0) -> Iterator[Stage]:
         """Go beside the ball, squeeze it, lift it."""
         ball, radius_m = scene.pose("ball"), scene.prop(Ball, "ball").radius_m
+        if plan:
+            ball @= Pose.upright((0, 0, 0), TURNED_RAD)
         gap_m = VARIED_GAP_M if scene.is_varied else APPROACH_GAP_M
         apart, pressed = radius_m + gap_m, radius_m * (1 - SQUEEZE_SHARE)
         lifted = ball.translated((0, 0, LIFT_TO_M - ball.position[2]))

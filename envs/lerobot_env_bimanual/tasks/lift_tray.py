@@ -49,6 +49,8 @@ BESIDE_M, GRASP_M = 0.073, 0.030
 """Distance from the board's end to the tool centre points: the fingertips reach 23 mm over a handle."""
 LIFT_TO_M = 1.265
 """Centre of a voxel, too."""
+ASIDE_M, CLEAR_M = 0.07, 0.08
+"""By the other plan the tray is first carried this far to one side and to the other, this far above its stand."""
 
 
 @register
@@ -73,6 +75,7 @@ class LiftTray(Task):
         ),
         horizon_ticks=160,
         needs_both_arms=True,
+        plans=("straight up", "from side to side"),
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -84,13 +87,17 @@ class LiftTray(Task):
         scene.place("item", tray.translated((0, 0, (TRAY.size_m[2] + ITEM.size_m[2]) / 2)))
         return True
 
-    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation, plan: int = 0) -> Iterator[Stage]:
         """Go beside the tray, grasp it, lift it."""
         tray, half_m = scene.pose("tray"), scene.prop(ServingTray, "tray").size_m[1] / 2
         height_m = tray.position[2]
         beside, grasp = _hands(tray, half_m + BESIDE_M, height_m), _hands(tray, half_m + GRASP_M, height_m)
         yield Stage("beside", *beside, left_open=True, right_open=True, planned=True)
         yield Stage("grasp", *grasp, left_open=False, right_open=False, left_holds="tray", right_holds="tray")
+        if plan:
+            for aside_m in (-ASIDE_M, 2 * ASIDE_M):
+                tray @= Pose.upright((0, aside_m, 0))
+                yield Stage("aside", *_hands(tray, half_m + GRASP_M, height_m + CLEAR_M))
         yield Stage("lift", *_hands(tray, half_m + GRASP_M, LIFT_TO_M))
 
 

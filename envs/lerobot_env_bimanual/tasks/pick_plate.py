@@ -18,7 +18,7 @@ up to 8 cm, and the fingers reach its rim only between two walls, which forgive 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +53,8 @@ SLOT_HALF_M, WALL_M = 0.018, (0.010, 0.05, 0.066)
 # Positions are in the plate's axes while it lies flat.
 ASIDE_RAD = np.deg2rad(-25.0)
 """Angle from the direction of the right arm to the plate's x axis; the arm cannot lift a pitched hand straight before itself."""
+OTHER_RAD = np.deg2rad(112.0)
+"""From there on to the x axis by the other plan, in which the arms change places."""
 
 # The left hand: closed, leaning back, on the far side of the rim.
 LEAN_RAD = np.deg2rad(30.0)
@@ -98,6 +100,7 @@ class PickPlate(Task):
             Always((Near("plate", MAX_SHIFT_M), Raised("plate", LIFTED_M))),
         ),
         horizon_ticks=320,
+        plans=("left presses", "right presses"),
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -112,28 +115,36 @@ class PickPlate(Task):
         scene.place("plate", plate)
         return True
 
-    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation, plan: int = 0) -> Iterator[Stage]:
         """Above, press, reach for the raised rim where it really is, grasp, lift, raise."""
-        flat, plate = scene.pose("plate"), scene.prop(Plate, "plate")
-        ahead, aside, up = flat.rotation.T
-        press_m = flat.apply((INSIDE_RIM_M - plate.radius_m, 0.0, PRESS_Z_M))
-        press = Pose.looking(press_m, np.sin(LEAN_RAD) * ahead - np.cos(LEAN_RAD) * up, aside)
-        right = Pose.looking(flat.position, -np.cos(PITCH_RAD) * ahead - np.sin(PITCH_RAD) * up, -up)
+        other = Pose.upright((0, 0, 0), OTHER_RAD)
+        if not plan:
+            return _stages(scene, lambda: scene.pose("plate"))
+        return (stage.swapped() for stage in _stages(scene, lambda: scene.pose("plate") @ other))
 
-        def along(pose: Pose, offset_m: np.ndarray) -> Pose:
-            return pose.translated(flat.rotation @ offset_m)
 
-        wait = along(right, WAIT_M)
-        yield Stage("above", along(press, ABOVE_M), wait, left_open=False, right_open=True, planned=True)
-        yield Stage("press", press, along(right, WAIT_LOWER_M))
-        rim_m = np.array([plate.radius_m, 0.0, plate.height_m]) - BELOW_RIM_M
-        rim = Pose(_pressed(plate, scene.pose("plate")).apply(rim_m), right.quat_wxyz)
-        grasp = rim.advanced(-SHORT_OF_RIM_M)
-        yield Stage("reach", right=rim.advanced(-BEFORE_RIM_M))
-        yield Stage("grasp", right=grasp, right_open=False, right_holds="plate")
-        lifted = along(grasp, LIFT_M)
-        yield Stage("lift", along(press, LEAVE_M), lifted)
-        yield Stage("raise", right=lifted.translated((0, 0, RAISE_TO_M - lifted.position[2])))
+def _stages(scene: SceneView, pose_now: Callable[[], Pose]) -> Iterator[Stage]:
+    """The stages in which the left hand presses and the right one pinches, given the plate's pose with its x axis that way."""
+    flat, plate = pose_now(), scene.prop(Plate, "plate")
+    ahead, aside, up = flat.rotation.T
+    press_m = flat.apply((INSIDE_RIM_M - plate.radius_m, 0.0, PRESS_Z_M))
+    press = Pose.looking(press_m, np.sin(LEAN_RAD) * ahead - np.cos(LEAN_RAD) * up, aside)
+    right = Pose.looking(flat.position, -np.cos(PITCH_RAD) * ahead - np.sin(PITCH_RAD) * up, -up)
+
+    def along(pose: Pose, offset_m: np.ndarray) -> Pose:
+        return pose.translated(flat.rotation @ offset_m)
+
+    wait = along(right, WAIT_M)
+    yield Stage("above", along(press, ABOVE_M), wait, left_open=False, right_open=True, planned=True)
+    yield Stage("press", press, along(right, WAIT_LOWER_M))
+    rim_m = np.array([plate.radius_m, 0.0, plate.height_m]) - BELOW_RIM_M
+    rim = Pose(_pressed(plate, pose_now()).apply(rim_m), right.quat_wxyz)
+    grasp = rim.advanced(-SHORT_OF_RIM_M)
+    yield Stage("reach", right=rim.advanced(-BEFORE_RIM_M))
+    yield Stage("grasp", right=grasp, right_open=False, right_holds="plate")
+    lifted = along(grasp, LIFT_M)
+    yield Stage("lift", along(press, LEAVE_M), lifted)
+    yield Stage("raise", right=lifted.translated((0, 0, RAISE_TO_M - lifted.position[2])))
 
 
 def _pressed(plate: Plate, pose: Pose) -> Pose:

@@ -92,6 +92,7 @@ class PushBox(Task):
         ),
         horizon_ticks=250,
         needs_both_arms=True,
+        plans=("one stroke", "two strokes"),
         load_bounds={"contact_force_n": 250.0},
     )
 
@@ -103,7 +104,7 @@ class PushBox(Task):
         scene.place("target", box @ Pose.upright((*offset_m, -BOX.size_m[2] / 2)))
         return all(hand.position[1] > MIN_WORLD_Y_M for hand in _hands(scene, -ABOVE_M, ABOVE_Z_M))
 
-    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation, plan: int = 0) -> Iterator[Stage]:
         """Above, down, press, push."""
         way_m = scene.pose("box").inverse().apply(scene.pose("target").position)[1]
         above, down, press, push = (
@@ -112,9 +113,12 @@ class PushBox(Task):
             _hands(scene, PRESS_M, PUSH_Z_M),
             _hands(scene, way_m + LAG_M, PUSH_Z_M),
         )
+        halfway = _hands(scene, way_m / 2, PUSH_Z_M)
         yield Stage("above", *above, left_open=False, right_open=False, planned=True)
         yield Stage("down", *down)
         yield Stage("press", *press, presses="box")
+        if plan:
+            yield Stage("push halfway", *halfway, presses="box")
         yield Stage("push", *push)
 
 

@@ -89,6 +89,7 @@ class StraightenRope(Task):
             Inside(ROPE.head, "head_plate", *ON_PLATE_M),
         ),
         horizon_ticks=300,
+        plans=("each its own", "swapped"),
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -107,14 +108,16 @@ class StraightenRope(Task):
         scene.place(ROPE.name, laid @ at_rest_from_laid, joints)
         return True
 
-    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation, plan: int = 0) -> Iterator[Stage]:
         """Above, grasp, drag."""
         tail = scene.pose(ROPE.tail), scene.pose("tail_plate") @ Pose.upright((0, -INSET_M, 0))
         head = scene.pose(ROPE.head), scene.pose("head_plate") @ Pose.upright((0, INSET_M, 0))
         left_base, right_base = (pose.position for pose in scene.arm_pair.base_poses)
-        # Each arm takes the end that is to lie, and lies, further on its own side.
+        # Each arm takes the end that is to lie, and lies, further on its own side; or the other one.
         left, right = sorted(
-            (tail, head), key=lambda end: (end[0].position + end[1].position) @ (right_base - left_base)
+            (tail, head),
+            key=lambda end: (end[0].position + end[1].position) @ (right_base - left_base),
+            reverse=plan == 1,
         )
         left_grasp, left_pull = _hands(*left, PREFERRED_OPENING[Arm.LEFT])
         right_grasp, right_pull = _hands(*right, PREFERRED_OPENING[Arm.RIGHT])

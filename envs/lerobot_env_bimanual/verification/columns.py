@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta
@@ -43,7 +43,8 @@ class Player:
         world = setting(dataset, "perturb", ""), setting(dataset, "setting", STANDARD)
         options = recording_options(meta.split, dataset.cameras, image_size, *world)
         voxels = setting(dataset, "discretise", 0)
-        which = meta.task, options, meta.seed, meta.variation, voxels
+        has_several_plans = feature_table.PLAN in dataset.info["features"]
+        which = meta.task, options, meta.seed, meta.variation, voxels, has_several_plans
         if self._last is None or self._last[0] != which:
             self._last = None  # its images are lost now
             outcome, episode = self._recorder.record(*which)

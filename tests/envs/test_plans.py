@@ -1,0 +1,110 @@
+"""Tasks that can be done in several ways: which one is demonstrated, and that both arms must go the same one."""
+
+import json
+import re
+from itertools import product
+
+import numpy as np
+import pytest
+from planted_failures import evaluation, expert_keyposes, played
+
+from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM
+from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts import plans
+from lerobot_env_bimanual.experts.baselines import mixed
+from lerobot_env_bimanual.experts.runner import expert, run_episode
+from lerobot_env_bimanual.failures.agreement import plans_of_arms
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+
+pytestmark = pytest.mark.sim
+TASKS = [name for name in list_tasks() if len(get_task(name).spec.plans) > 1]
+FIRST_SEED = 2_150_000
+
+
+@pytest.fixture(scope="module", params=TASKS)
+def env(request):
+    """Just reset to a scene that allows all plans."""
+    env = BimanualEnv(request.param, obs="state")
+    for seed in range(FIRST_SEED, FIRST_SEED + 20):
+        env.reset(seed=seed)
+        if plans.infeasible_plan(env) is None:
+            break
+    else:
+        pytest.fail("none of 20 scenes allows all plans")
+    yield env
+    env.close()
+
+
+def test_the_first_choice_of_each_arm_tells_its_plan(env):
+    by_plan = [[keypose.to_vector() for keypose in plans.keyposes_by(env, plan)] for plan in range(2)]
+    for left, right in product(range(2), repeat=2):
+        halves = zip(by_plan[left], by_plan[right], strict=False)
+        actions = [np.append(one[:ARM_KEYPOSE_DIM], other[ARM_KEYPOSE_DIM:]) for one, other in halves]
+        assert plans_of_arms(env, actions) == [left, right]
+    assert plans_of_arms(env, []) == [None, None]
+    assert len(set(env.task_definition.spec.plans)) == len(env.task_definition.spec.plans) == 2
+
+
+@pytest.mark.slow
+def test_each_plan_solves_its_task_and_arms_that_follow_different_ones_do_not(env):
+    seed, count = env.progress.seed, len(env.task_definition.spec.plans)
+    assert all(run_episode(env, seed, expert(plan=plan)).success for plan in range(count))
+    rngs = [np.random.default_rng(number) for number in range(4)]
+    firsts = [int(np.random.default_rng(number).permutation(count)[0]) for number in range(4)]
+    assert set(firsts) == set(range(count))  # either arm takes either plan
+    assert not any(run_episode(env, seed, mixed(rng)).success for rng in rngs)
+
+
+def test_plans_are_drawn_equally_likely_and_from_a_stream_that_splits_and_settings_do_not_share():
+    spec = get_task("dual_push_buttons").spec
+    streams = [
+        [plans.drawn_plan(spec, split, seed, setting) for seed in range(400)]
+        for split, setting in (("train", "standard"), ("test", "standard"), ("train", "varied"))
+    ]
+    assert all(160 < sum(stream) < 240 for stream in streams)
+    assert len(set(map(tuple, streams))) == len(streams)
+
+
+def test_a_scene_that_does_not_allow_all_plans_is_not_demonstrated_and_says_which_it_lacks():
+    env = BimanualEnv("dual_push_buttons", obs="state")
+    lacking = []
+    for seed in range(FIRST_SEED, FIRST_SEED + 8):
+        env.reset(seed=seed)
+        try:
+            assert next(plans.demonstrator(env)).name == "above"
+        except PlacementFailure as failure:
+            lacking.append(str(failure))
+    env.close()
+    assert 0 < len(lacking) < 8
+    assert all(reason.startswith("plan 'swapped': ") for reason in lacking)
+
+
+def test_a_plan_that_a_task_has_not_is_refused_with_those_that_it_has():
+    assert get_task("push_box").spec.checked_plan(1) == 1
+    with pytest.raises(InvalidChoice, match=r"0 \(one stroke\), 1 \(two strokes\)"):
+        get_task("push_box").spec.checked_plan(2)
+
+
+@pytest.mark.slow
+def test_a_diagnosis_says_how_often_both_arms_follow_one_plan_in_scenes_that_allow_all(tmp_path, capsys):
+    task, env = "dual_push_buttons", BimanualEnv("dual_push_buttons", obs="state")
+    allowing, lacking = list[int](), list[int]()
+    for seed in range(FIRST_SEED, FIRST_SEED + 20):
+        env.reset(seed=seed, options={"variation": 0})
+        (lacking if plans.infeasible_plan(env) else allowing).append(seed)
+    env.close()
+    players = zip(
+        [*allowing[:3], lacking[0]],
+        [expert(), expert(plan=1), mixed(np.random.default_rng(0)), expert()],
+        strict=True,
+    )
+    episodes = [played(task, expert_keyposes(task, player, seed), seed) for seed, player in players]
+    record = evaluation(task, {"split": "test"}, *sorted(episodes, key=lambda episode: episode.seed))
+    record.write(path := tmp_path / "record.json")
+    output = tmp_path / "found.json"
+    assert results_diagnose(ResultsDiagnoseConfig(results=path, output=output, workers=1)) == 0
+    assert re.search(r"record +2/3 \(.*\) +2 +0, 0: 1; (0, 1|1, 0): 1; 1, 1: 1\n", capsys.readouterr().out)
+    choices = json.loads(output.read_text())["first_choices"][task]
+    assert [one["seed"] for one in choices] == allowing[:3]
