@@ -36,7 +36,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.options import checked_reset_options, checked_seed
 from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
 from lerobot_env_bimanual.vector.evaluation import Evaluation, EvaluationLog
-from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone, Settled
+from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone, Settled
 from lerobot_env_bimanual.workers import WorkerDied, end_of, end_with_parent, told
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.workers", "lerobot_env_bimanual.env"]
@@ -119,8 +119,7 @@ class LazyVectorEnv(VectorEnv):
     resets happen at the step after an episode's end and change nothing, see `HoldAfterDone`.
 
     With `results_dir`, an episode that was played before is not played again: it is over, as it was then, after
-    one step. Where its frames are asked for before that, it is played by its recorded actions. So LeRobot's loop goes on
-    where it was interrupted, and what it sums up is whole.
+    one step. So LeRobot's loop goes on where it was interrupted, and what it sums up is whole.
 
     Args:
         make_envs: one picklable factory per environment; all with the same spaces. The first is called here
@@ -158,7 +157,6 @@ class LazyVectorEnv(VectorEnv):
         who, options = evaluation or Evaluation(), replace(example.options, results_dir=results_dir)
         self._episodes = EvaluationLog(example.task, options, self.num_envs, who)
         self._settled: dict[int, Episode | None] = {}
-        self._replayed: dict[int, Iterator[NDArray | InvalidAction]] = {}
         example.close()
         if asynchronous:  # so that it imports what workers need while LeRobot loads the policy
             multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
@@ -220,7 +218,6 @@ class LazyVectorEnv(VectorEnv):
         self._settled = {i: e for i, e in self._settled.items() if i not in begun} | self._episodes.begin(
             begun
         )
-        self._replayed = {i: a for i, a in self._replayed.items() if i not in begun}
         return observations, info
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
@@ -232,8 +229,7 @@ class LazyVectorEnv(VectorEnv):
         """
         arrays: list[Any] = [*self._arrays(actions)]
         for index, episode in self._settled.items():
-            settled = Settled(episode is not None and episode.success)
-            arrays[index] = next(self._replayed.get(index, iter(())), settled)
+            arrays[index] = Settled(episode is not None and episode.success)
         observations, rewards, terminated, truncated, info = self._ask(lambda envs: envs.step(arrays))
         self._episodes.note(terminated | truncated, info)
         return observations, rewards, terminated, truncated, info
@@ -259,12 +255,6 @@ class LazyVectorEnv(VectorEnv):
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method, or get an attribute, of every environment."""
-        if name == "render":  # LeRobot films this batch
-            self._replayed |= {
-                index: _recorded(episode)
-                for index, episode in self._settled.items()
-                if episode is not None and index not in self._replayed
-            }
         return self._ask(lambda envs: envs.call(name, *args, **kwargs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
@@ -315,14 +305,6 @@ def _checked_seeds(seed: Any, count: int) -> list[int | None]:
         return [checked_seed(single) for single in seed]
     first = checked_seed(seed)
     return [None if first is None else checked_seed(first + index) for index in range(count)]
-
-
-def _recorded(episode: Episode) -> Iterator[NDArray | InvalidAction]:
-    """The actions of an episode that was played before."""
-    assert episode.proof is not None
-    for action in episode.proof.action_list():
-        unreadable = InvalidAction((episode.failure or "").removeprefix(INVALID_ACTION))
-        yield action if action.size else unreadable
 
 
 def _array(action: Any) -> NDArray | InvalidAction:
