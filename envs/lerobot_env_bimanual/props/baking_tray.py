@@ -5,14 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import (
-    VISUAL_ONLY,
-    add_box,
-    add_cylinder,
-    add_free_body,
-    draw_box,
-    graspable,
-)
+from lerobot_env_bimanual.props import prop
 
 ALUMINIUM = (0.86, 0.87, 0.90, 1.0)
 RIM = (0.74, 0.75, 0.79, 1.0)
@@ -51,37 +44,39 @@ class BakingTray:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write board, handle and rim, and paper and biscuits for the eye."""
-        body = add_free_body(spec, self.name)
+        body = prop.add_free_body(spec, self.name)
         x, y, z = np.array(self.size_m) / 2
         handle_x, handle_y = np.array(self.handle_size_m) / 2
         board_x, board_half_x = handle_x, x - handle_x
         metal_kg = self.mass_kg * (1 - RIM_MASS_SHARE)
         handle_share = handle_x * handle_y / (handle_x * handle_y + board_half_x * y)
-        board, metal = (board_half_x, y, z), {"rgba": ALUMINIUM, **graspable(self.friction)}
-        add_box(body, (board_x, 0, 0), board, name=self.name, mass=metal_kg * (1 - handle_share), **metal)
+        board, metal = (board_half_x, y, z), {"rgba": ALUMINIUM, **prop.graspable(self.friction)}
+        prop.add_box(
+            body, (board_x, 0, 0), board, name=self.name, mass=metal_kg * (1 - handle_share), **metal
+        )
         handle = (handle_x, handle_y, z if self.handle_height_m is None else self.handle_height_m / 2)
-        add_box(body, (handle_x - x, 0, 0), handle, mass=metal_kg * handle_share, **metal)
+        prop.add_box(body, (handle_x - x, 0, 0), handle, mass=metal_kg * handle_share, **metal)
         self._add_rim(body, board_x, board)
         self._add_biscuits(body, board_x, board)
 
     def _add_rim(self, body, board_x: float, board) -> None:
         x, y, z = board
         width, height = RIM_HALF_M
-        rim = {"rgba": RIM, "mass": self.mass_kg * RIM_MASS_SHARE / 4, **graspable(self.friction)}
+        rim = {"rgba": RIM, "mass": self.mass_kg * RIM_MASS_SHARE / 4, **prop.graspable(self.friction)}
         for side in (-1, 1):
             for position, size in (
                 ((board_x + side * (x - width), 0, z + height), (width, y, height)),
                 ((board_x, side * (y - width), z + height), (x, width, height)),
             ):
-                add_box(body, position, size, **rim)
+                prop.add_box(body, position, size, **rim)
 
     def _add_biscuits(self, body, board_x: float, board) -> None:
         x, y, z = board
         paper = (x - PAPER_INSET_M, y - PAPER_INSET_M, PAPER_HALF_THICKNESS_M)
-        draw_box(body, (board_x, 0, z), paper, rgba=PAPER)
+        prop.draw_box(body, (board_x, 0, z), paper, rgba=PAPER)
         for column in np.linspace(-1, 1, 2) * 0.45 * x:
             for row in np.linspace(-1, 1, 4) * 0.66 * y:
                 place = (board_x + column, row, z + BISCUIT_HALF_HEIGHT_M)
-                add_cylinder(
-                    body, place, BISCUIT_RADIUS_M, BISCUIT_HALF_HEIGHT_M, rgba=BISCUIT, **VISUAL_ONLY
+                prop.add_cylinder(
+                    body, place, BISCUIT_RADIUS_M, BISCUIT_HALF_HEIGHT_M, rgba=BISCUIT, **prop.VISUAL_ONLY
                 )

@@ -5,18 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import (
-    DIRT_ONLY,
-    TABLE_ONLY,
-    UNSEEN,
-    VISUAL_ONLY,
-    add_box,
-    add_capsule,
-    add_cylinder,
-    add_free_body,
-    add_sphere,
-    draw_box,
-)
+from lerobot_env_bimanual.props import prop
 
 WOOD = (0.80, 0.62, 0.38, 1.0)
 PAINT = (0.78, 0.20, 0.16, 1.0)
@@ -67,9 +56,9 @@ class Broom:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write stick and head, the bristles and feet as they are felt, and the tufts as they are seen."""
-        body = add_free_body(spec, self.name)
+        body = prop.add_free_body(spec, self.name)
         self._add_stick(body)
-        add_box(body, (0, 0, HEAD_Z_M), HEAD_HALF_M, mass=HEAD_MASS_KG, rgba=PAINT)
+        prop.add_box(body, (0, 0, HEAD_Z_M), HEAD_HALF_M, mass=HEAD_MASS_KG, rgba=PAINT)
         self._add_bristles(body)
         self._add_feet(body)
         self._add_tufts(body)
@@ -78,30 +67,30 @@ class Broom:
         """Felt as a square bar, whose sides a gripper holds firmly; seen as a round one."""
         half, bottom = STICK_HALF_WIDTH_M, HEAD_Z_M
         middle, half_length = (self.height_m + bottom) / 2, (self.height_m - bottom) / 2
-        add_box(body, (0, 0, middle), (half, half, half_length), mass=STICK_MASS_KG, **UNSEEN)
-        add_cylinder(body, (0, 0, middle), half, half_length, rgba=WOOD, **VISUAL_ONLY)
-        add_sphere(body, (0, 0, self.height_m), half, rgba=PAINT, **VISUAL_ONLY)
+        prop.add_box(body, (0, 0, middle), (half, half, half_length), mass=STICK_MASS_KG, **prop.UNSEEN)
+        prop.add_cylinder(body, (0, 0, middle), half, half_length, rgba=WOOD, **prop.VISUAL_ONLY)
+        prop.add_sphere(body, (0, 0, self.height_m), half, rgba=PAINT, **prop.VISUAL_ONLY)
         socket = 1.6 * half
         socket_z = HEAD_Z_M + HEAD_HALF_M[2] + socket / 2
-        add_cylinder(body, (0, 0, socket_z), socket, socket / 2, rgba=PAINT, **VISUAL_ONLY)
+        prop.add_cylinder(body, (0, 0, socket_z), socket, socket / 2, rgba=PAINT, **prop.VISUAL_ONLY)
 
     def _add_bristles(self, body) -> None:
         half_x, _, head_half_z = HEAD_HALF_M
         top = HEAD_Z_M - head_half_z
         z, half_z = (top - BRISTLE_REACH_M) / 2, (top + BRISTLE_REACH_M) / 2
-        sweeping = {"solref": (0.004, 1), "contype": DIRT_ONLY, "conaffinity": 0, **UNSEEN}
+        sweeping = {"solref": (0.004, 1), "contype": prop.DIRT_ONLY, "conaffinity": 0, **prop.UNSEEN}
         block = (half_x, BRISTLE_HALF_DEPTH_M, half_z)
-        add_box(body, (0, 0, z), block, mass=BRISTLE_MASS_KG, **sweeping)
+        prop.add_box(body, (0, 0, z), block, mass=BRISTLE_MASS_KG, **sweeping)
         wing_x, wing_y = WING_HALF_M
         for side in (-1, 1):
             place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, z)
-            add_box(body, place, (wing_x, wing_y, half_z), mass=WING_MASS_KG, **sweeping)
+            prop.add_box(body, place, (wing_x, wing_y, half_z), mass=WING_MASS_KG, **sweeping)
 
     def _add_feet(self, body) -> None:
         half_x, half_y, _ = HEAD_HALF_M
         for side in (-1, 1):
             x, y, z = side * (half_x - FOOT_RADIUS_M), half_y - FOOT_RADIUS_M, FOOT_RADIUS_M
-            add_capsule(
+            prop.add_capsule(
                 body,
                 (x, -y, z, x, y, z),
                 FOOT_RADIUS_M,
@@ -109,9 +98,9 @@ class Broom:
                 condim=1,  # without friction; with the table's the broom trails behind the hand
                 priority=2,
                 solref=(-FOOT_STIFFNESS, -FOOT_DAMPING),
-                contype=TABLE_ONLY,
+                contype=prop.TABLE_ONLY,
                 conaffinity=0,
-                **UNSEEN,
+                **prop.UNSEEN,
             )
 
     def _add_tufts(self, body) -> None:
@@ -124,11 +113,11 @@ class Broom:
             angle = -0.12 * share
             straw = (0.52 * spacing, BRISTLE_HALF_DEPTH_M, half_z)
             turned = (np.cos(angle / 2), 0, np.sin(angle / 2), 0)
-            draw_box(body, (share * half_x, 0, half_z), straw, quat=turned, rgba=STRAW[tuft % 2])
+            prop.draw_box(body, (share * half_x, 0, half_z), straw, quat=turned, rgba=STRAW[tuft % 2])
         wing_x, wing_y = WING_HALF_M
         for side in (-1, 1):
             place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, half_z)
-            draw_box(body, place, (wing_x, wing_y, half_z), rgba=STRAW[1])
+            prop.draw_box(body, place, (wing_x, wing_y, half_z), rgba=STRAW[1])
 
 
 @dataclass(frozen=True)
@@ -150,12 +139,12 @@ class BroomStand:
         body = spec.worldbody.add_body(name=self.name)
         z, half_height = self.fork_height_m, (self.fork_height_m + PRONG_HALF_M[2]) / 2
         foot_z = STAND_HALF_HEIGHT_M
-        add_cylinder(body, (0, POLE_Y_M, foot_z), STAND_RADIUS_M, STAND_HALF_HEIGHT_M, rgba=RUBBER)
-        add_cylinder(body, (0, POLE_Y_M, half_height), POLE_RADIUS_M, half_height, rgba=STEEL)
-        add_box(body, (0, BAR_Y_M, z), BAR_HALF_M, rgba=STEEL)
+        prop.add_cylinder(body, (0, POLE_Y_M, foot_z), STAND_RADIUS_M, STAND_HALF_HEIGHT_M, rgba=RUBBER)
+        prop.add_cylinder(body, (0, POLE_Y_M, half_height), POLE_RADIUS_M, half_height, rgba=STEEL)
+        prop.add_box(body, (0, BAR_Y_M, z), BAR_HALF_M, rgba=STEEL)
         half_x, half_y, half_z = PRONG_HALF_M
         for side in (-1, 1):
             x = side * (self.gap_m / 2 + half_x)
-            add_box(body, (x, PRONG_Y_M, z), PRONG_HALF_M, rgba=STEEL)
+            prop.add_box(body, (x, PRONG_Y_M, z), PRONG_HALF_M, rgba=STEEL)
             tip = (half_x + 0.0008, TIP_HALF_LENGTH_M, half_z + 0.0008)
-            draw_box(body, (x, PRONG_Y_M - half_y + TIP_HALF_LENGTH_M, z), tip, rgba=RUBBER)
+            prop.draw_box(body, (x, PRONG_Y_M - half_y + TIP_HALF_LENGTH_M, z), tip, rgba=RUBBER)

@@ -7,18 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import (
-    COMMON_LAYER,
-    DIRT_ONLY,
-    TABLE_ONLY,
-    UNSEEN,
-    VISUAL_ONLY,
-    add_box,
-    add_capsule,
-    add_free_body,
-    add_sphere,
-    draw_box,
-)
+from lerobot_env_bimanual.props import prop
 
 BLUE = (0.20, 0.45, 0.75, 1.0)
 DARK_BLUE = (0.14, 0.34, 0.60, 1.0)
@@ -74,18 +63,18 @@ class Dustpan:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write floor, lip, walls and handle, and ribs and grip for the eye."""
-        body = add_free_body(spec, self.name)
+        body = prop.add_free_body(spec, self.name)
         floor = (0, FLOOR_Y_M, GAP_M + FLOOR_HALF_M[2])
-        add_box(body, floor, FLOOR_HALF_M, mass=FLOOR_MASS_KG, rgba=BLUE)
+        prop.add_box(body, floor, FLOOR_HALF_M, mass=FLOOR_MASS_KG, rgba=BLUE)
         self._add_gliders(body)
         self._add_lip(body)
         for side in (-1, 1):
             place = (side * (FLOOR_HALF_M[0] + 0.001), 0, GAP_M + SIDE_HALF_M[2])
-            add_box(body, place, SIDE_HALF_M, mass=SIDE_MASS_KG, rgba=BLUE, solref=FIRM)
+            prop.add_box(body, place, SIDE_HALF_M, mass=SIDE_MASS_KG, rgba=BLUE, solref=FIRM)
         back = (0, BACK_Y_M, GAP_M + BACK_HALF_M[2])
-        add_box(body, back, BACK_HALF_M, mass=BACK_MASS_KG, rgba=BLUE)
+        prop.add_box(body, back, BACK_HALF_M, mass=BACK_MASS_KG, rgba=BLUE)
         socket = (0, self.handle_y_m + 0.005, 0.018)
-        add_box(body, socket, SOCKET_HALF_M, mass=SOCKET_MASS_KG, rgba=BLUE)
+        prop.add_box(body, socket, SOCKET_HALF_M, mass=SOCKET_MASS_KG, rgba=BLUE)
         self._add_handle(body)
         self._add_ribs(body)
 
@@ -94,14 +83,14 @@ class Dustpan:
         half_y, half_z = LIP_HALF_M[1:]
         along, up = np.cos(LIP_SLOPE_RAD), np.sin(LIP_SLOPE_RAD)
         y = FLOOR_Y_M + FLOOR_HALF_M[1] + half_y * along
-        add_box(
+        prop.add_box(
             body,
             (0, y, LIP_CREST_M - half_y * up - half_z * along),
             LIP_HALF_M,
             quat=(np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0),
             mass=LIP_MASS_KG,
             rgba=BLUE,
-            contype=DIRT_ONLY,
+            contype=prop.DIRT_ONLY,
             conaffinity=0,
         )
 
@@ -109,30 +98,32 @@ class Dustpan:
         """Add round feet under the floor: four points of contact, which are computed quickly."""
         for side_x, side_y in product((-1, 1), repeat=2):
             x, y = side_x * 0.9 * FLOOR_HALF_M[0], FLOOR_Y_M + side_y * 0.9 * FLOOR_HALF_M[1]
-            add_sphere(
+            prop.add_sphere(
                 body,
                 (x, y, GLIDER_RADIUS_M),
                 GLIDER_RADIUS_M,
                 mass=GLIDER_MASS_KG,
                 friction=(GLIDER_FRICTION, 0.005, 0.0001),
                 priority=1,
-                contype=TABLE_ONLY,
+                contype=prop.TABLE_ONLY,
                 conaffinity=0,
-                **UNSEEN,
+                **prop.UNSEEN,
             )
 
     def _add_handle(self, body) -> None:
         """A capsule: of contacts between a cylinder and a finger some are lost now and then, and the pan jerks."""
         y, top = self.handle_y_m, self.height_m
-        add_capsule(body, (0, y, HANDLE_BOTTOM_M, 0, y, top), HANDLE_RADIUS_M, mass=HANDLE_MASS_KG, rgba=WOOD)
-        add_sphere(body, (0, y, top), 1.02 * HANDLE_RADIUS_M, rgba=RUBBER, **VISUAL_ONLY)
+        prop.add_capsule(
+            body, (0, y, HANDLE_BOTTOM_M, 0, y, top), HANDLE_RADIUS_M, mass=HANDLE_MASS_KG, rgba=WOOD
+        )
+        prop.add_sphere(body, (0, y, top), 1.02 * HANDLE_RADIUS_M, rgba=RUBBER, **prop.VISUAL_ONLY)
 
     def _add_ribs(self, body) -> None:
         """Grooves along the floor."""
         half_x, half_y, half_z = FLOOR_HALF_M
         for x in np.linspace(-0.75, 0.75, RIBS) * half_x:
             place = (x, FLOOR_Y_M, GAP_M + 2 * half_z)
-            draw_box(body, place, (0.003, 0.9 * half_y, 0.0003), rgba=DARK_BLUE)
+            prop.draw_box(body, place, (0.003, 0.9 * half_y, 0.0003), rgba=DARK_BLUE)
 
 
 @dataclass(frozen=True)
@@ -151,8 +142,8 @@ class Crumb:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the ball."""
-        add_sphere(
-            add_free_body(spec, self.name),
+        prop.add_sphere(
+            prop.add_free_body(spec, self.name),
             (0, 0, 0),
             self.radius_m,
             mass=self.mass_kg,
@@ -160,8 +151,8 @@ class Crumb:
             friction=(SLIDING_FRICTION, 0.005, ROLLING_FRICTION_M),
             condim=6,
             solref=(0.004, 1),
-            contype=COMMON_LAYER,
-            conaffinity=COMMON_LAYER | DIRT_ONLY,
+            contype=prop.COMMON_LAYER,
+            conaffinity=prop.COMMON_LAYER | prop.DIRT_ONLY,
         )
 
 

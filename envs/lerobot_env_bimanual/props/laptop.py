@@ -5,17 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props import prop
 from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, slab
-from lerobot_env_bimanual.props.prop import (
-    HINGE,
-    UNSEEN,
-    VISUAL_ONLY,
-    add_box,
-    add_cylinder,
-    add_free_body,
-    add_joint,
-    draw_box,
-)
 
 ALUMINIUM = (0.72, 0.74, 0.77, 1.0)
 LID_ALUMINIUM = (0.80, 0.82, 0.85, 1.0)
@@ -64,7 +55,7 @@ class Laptop:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write base, hinge and lid."""
         base_half, lid_half = np.array(self.base_size_m) / 2, np.array(self.lid_size_m) / 2
-        base = add_free_body(spec, self.name)
+        base = prop.add_free_body(spec, self.name)
         self._add_solid(base, (0, 0, 0), base_half, self.base_mass_kg)
         add_mesh(spec, self.name, slab(base_half, CORNER_RADIUS_M))
         draw_mesh(base, self.name, rgba=ALUMINIUM)
@@ -73,7 +64,7 @@ class Laptop:
         lid = base.add_body(name=f"{self.name}_lid", pos=hinge)
         limits, brake = (0, HINGE_RANGE_RAD), (HINGE_FRICTION_NM, 0.01)
         stiff = {"solref_limit": (0.004, 1), "solimp_limit": (0.98, 0.999, 0.001, 0.5, 2)}
-        add_joint(lid, HINGE, f"{self.name}_hinge", (-1, 0, 0), limits, *brake, **stiff)
+        prop.add_joint(lid, prop.HINGE, f"{self.name}_hinge", (-1, 0, 0), limits, *brake, **stiff)
         middle = (0, -lid_half[1], 0)
         self._add_solid(lid, middle, lid_half, self.lid_mass_kg)
         add_mesh(spec, lid.name, slab(lid_half, CORNER_RADIUS_M))
@@ -82,7 +73,7 @@ class Laptop:
 
     def _add_solid(self, body, position, half, mass: float) -> None:
         """What is felt: a plain box."""
-        add_box(
+        prop.add_box(
             body,
             position,
             half,
@@ -91,7 +82,7 @@ class Laptop:
             condim=4,
             solref=(0.005, 1),
             priority=1,
-            **UNSEEN,
+            **prop.UNSEEN,
         )
 
     def _decorate_base(self, body, half) -> None:
@@ -106,15 +97,17 @@ class Laptop:
             for socket_y in (0.035, 0.060, 0.090):
                 boxes.append(((side * x, socket_y, 0), (sheet, 0.007, 0.002)))
         for position, size in boxes:
-            draw_box(body, position, size, rgba=DARK)
+            prop.draw_box(body, position, size, rgba=DARK)
         inset = 2 * CORNER_RADIUS_M
-        draw_box(body, (0, 0, z + SEAM_M / 2), (x - inset, y - 0.004, SEAM_M / 2), rgba=DARK)
+        prop.draw_box(body, (0, 0, z + SEAM_M / 2), (x - inset, y - 0.004, SEAM_M / 2), rgba=DARK)
 
     def _decorate_lid(self, body, middle, half) -> None:
         """A round badge outside, the screen inside."""
         x, y, z = half
-        add_cylinder(body, (*middle[:2], z), 0.022, SHEET_HALF_THICKNESS_M, rgba=BADGE, **VISUAL_ONLY)
-        draw_box(body, (*middle[:2], -z), (0.94 * x, 0.90 * y, SHEET_HALF_THICKNESS_M), rgba=SCREEN)
+        prop.add_cylinder(
+            body, (*middle[:2], z), 0.022, SHEET_HALF_THICKNESS_M, rgba=BADGE, **prop.VISUAL_ONLY
+        )
+        prop.draw_box(body, (*middle[:2], -z), (0.94 * x, 0.90 * y, SHEET_HALF_THICKNESS_M), rgba=SCREEN)
 
 
 @dataclass(frozen=True)
@@ -136,8 +129,8 @@ class Riser:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the block, and a light board around its top and a dark joint above its foot for the eye."""
         x, y, z = np.array(self.size_m) / 2
-        body = add_free_body(spec, self.name)
-        add_box(
+        body = prop.add_free_body(spec, self.name)
+        prop.add_box(
             body,
             (0, 0, 0),
             (x, y, z),
@@ -151,4 +144,4 @@ class Riser:
             (z - TOP_BOARD_HALF_HEIGHT_M + PROUD_M / 10, TOP_BOARD_HALF_HEIGHT_M, OAK),
             (-z + PLINTH_HALF_HEIGHT_M, PLINTH_HALF_HEIGHT_M, SHADOW),
         ):
-            draw_box(body, (0, 0, middle_z), (x + PROUD_M, y + PROUD_M, half_z), rgba=rgba)
+            prop.draw_box(body, (0, 0, middle_z), (x + PROUD_M, y + PROUD_M, half_z), rgba=rgba)

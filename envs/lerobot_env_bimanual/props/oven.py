@@ -6,17 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import (
-    HINGE,
-    SLIDE,
-    UNSEEN,
-    VISUAL_ONLY,
-    add_box,
-    add_capsule,
-    add_cylinder,
-    add_joint,
-    draw_box,
-)
+from lerobot_env_bimanual.props import prop
 
 STEEL = (0.80, 0.81, 0.83, 1.0)
 DARK = (0.17, 0.17, 0.19, 1.0)
@@ -130,15 +120,15 @@ class Oven:
         x, y = HALF_DEPTH_M, HALF_WIDTH_M
         low, high = (FOOT_HEIGHT_M + FLOOR_M) / 2, (CEILING_M + HEIGHT_M) / 2
         middle, half = (FLOOR_M + CEILING_M) / 2, (CEILING_M - FLOOR_M) / 2
-        add_box(body, (0, 0, low), (x, y, (FLOOR_M - FOOT_HEIGHT_M) / 2), rgba=DARK)
-        add_box(body, (0, 0, high), (x, y, (HEIGHT_M - CEILING_M) / 2), rgba=STEEL)
-        add_box(body, (x - BACK_HALF_M, 0, middle), (BACK_HALF_M, y - 0.02, half), rgba=DARK)
+        prop.add_box(body, (0, 0, low), (x, y, (FLOOR_M - FOOT_HEIGHT_M) / 2), rgba=DARK)
+        prop.add_box(body, (0, 0, high), (x, y, (HEIGHT_M - CEILING_M) / 2), rgba=STEEL)
+        prop.add_box(body, (x - BACK_HALF_M, 0, middle), (BACK_HALF_M, y - 0.02, half), rgba=DARK)
         for side in (-1, 1):
             wall = (0, side * (y - WALL_HALF_M), middle)
-            add_box(body, wall, (x, WALL_HALF_M, half), rgba=STEEL)
+            prop.add_box(body, wall, (x, WALL_HALF_M, half), rgba=STEEL)
             for end in (-1, 1):
                 foot = (end * (x - FOOT_INSET_M[0]), side * (y - FOOT_INSET_M[1]), FOOT_HEIGHT_M / 2)
-                add_cylinder(body, foot, FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, rgba=DARK)
+                prop.add_cylinder(body, foot, FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, rgba=DARK)
 
     def _add_inside(self, body) -> None:
         """Bright enamel, a lamp under the ceiling, and the rails that the rack slides on."""
@@ -152,31 +142,31 @@ class Oven:
             ((centre_x, -y, middle), (x - centre_x, sheet, half)),
             ((centre_x, y, middle), (x - centre_x, sheet, half)),
         ):
-            draw_box(body, position, size, material=liner)
-        draw_box(body, (0.03, 0, CEILING_M - 0.006), (0.035, 0.06, 0.006), material=f"{self.name}_lamp")
+            prop.draw_box(body, position, size, material=liner)
+        prop.draw_box(body, (0.03, 0, CEILING_M - 0.006), (0.035, 0.06, 0.006), material=f"{self.name}_lamp")
         rail_z = self.rack_m - RACK_HALF_M[2] - RAIL_HALF_M[2]
         for side in (-1, 1):
-            add_box(body, (0.02, side * (y - RAIL_HALF_M[1]), rail_z), RAIL_HALF_M, rgba=WIRE)
+            prop.add_box(body, (0.02, side * (y - RAIL_HALF_M[1]), rail_z), RAIL_HALF_M, rgba=WIRE)
 
     def _add_panel(self, body) -> None:
         """Dark panel with four knobs and a clock, above the door."""
         height = (CEILING_M + HEIGHT_M) / 2
-        draw_box(body, (self.front_m, 0, height), (0.001, HALF_WIDTH_M - 0.012, 0.055), rgba=DARK)
-        draw_box(body, (self.front_m, 0, height), (0.0016, 0.045, 0.02), rgba=DISPLAY)
+        prop.draw_box(body, (self.front_m, 0, height), (0.001, HALF_WIDTH_M - 0.012, 0.055), rgba=DARK)
+        prop.draw_box(body, (self.front_m, 0, height), (0.0016, 0.045, 0.02), rgba=DISPLAY)
         for y in (-0.20, -0.12, 0.12, 0.20):
             for depth, radius, rgba in ((0.008, 0.021, STEEL), (0.018, 0.015, METAL)):
-                looks = {"quat": FACING_FRONT, "rgba": rgba, **VISUAL_ONLY}
-                add_cylinder(body, (self.front_m - depth / 2, y, height), radius, depth / 2, **looks)
+                looks = {"quat": FACING_FRONT, "rgba": rgba, **prop.VISUAL_ONLY}
+                prop.add_cylinder(body, (self.front_m - depth / 2, y, height), radius, depth / 2, **looks)
 
     def _add_door(self, oven) -> None:
         door = oven.add_body(name=f"{self.name}_door", pos=(self.front_m - HINGE_BEFORE_FRONT_M, 0, FLOOR_M))
         brake = (DOOR_FRICTION_NM, DOOR_DAMPING_NM_S)
-        add_joint(door, HINGE, f"{self.name}_hinge", (0, -1, 0), (0, DOOR_RANGE_RAD), *brake)
+        prop.add_joint(door, prop.HINGE, f"{self.name}_hinge", (0, -1, 0), (0, DOOR_RANGE_RAD), *brake)
         x, y, z = DOOR_HALF_M
         middle = z + DOOR_LIFT_M
-        add_box(door, (0, 0, middle), DOOR_HALF_M, mass=DOOR_MASS_KG, rgba=STEEL)
-        draw_box(door, (0, 0, middle), (x + 0.0008, y - 0.010, z - 0.010), rgba=DARK)
-        draw_box(door, (0, 0, middle - 0.02), (x + 0.0014, y - 0.055, z - 0.070), rgba=GLASS)
+        prop.add_box(door, (0, 0, middle), DOOR_HALF_M, mass=DOOR_MASS_KG, rgba=STEEL)
+        prop.draw_box(door, (0, 0, middle), (x + 0.0008, y - 0.010, z - 0.010), rgba=DARK)
+        prop.draw_box(door, (0, 0, middle - 0.02), (x + 0.0014, y - 0.055, z - 0.070), rgba=GLASS)
         self._add_handle(door)
 
     def _add_handle(self, door) -> None:
@@ -193,21 +183,21 @@ class Oven:
         right, left = self.handle_y_m
         x, z = -DOOR_HALF_M[0] - HANDLE_STAND_OFF_M, HANDLE_Z_M
         metal = {"friction": (1.0, 0.01, 0.0001), "rgba": METAL}
-        add_capsule(handle, (x, right, z, x, left, z), self.handle_radius_m, mass=0.05, **metal)
+        prop.add_capsule(handle, (x, right, z, x, left, z), self.handle_radius_m, mass=0.05, **metal)
         for y in self.handle_y_m if left - right > SHORT_BAR_M else [(right + left) / 2]:
-            add_capsule(handle, (x, y, z, -DOOR_HALF_M[0], y, z), POST_RADIUS_M, mass=0.02, **metal)
+            prop.add_capsule(handle, (x, y, z, -DOOR_HALF_M[0], y, z), POST_RADIUS_M, mass=0.02, **metal)
 
     def _add_rack(self, oven) -> None:
         """A plate in physics, a grid of wires for the eye."""
         rack_x = self.front_m + RACK_BEHIND_FRONT_M + RACK_HALF_M[0]
         rack = oven.add_body(name=f"{self.name}_rack", pos=(rack_x, 0, self.rack_m))
         brake = (RACK_FRICTION_N, RACK_DAMPING_N_S_M)
-        add_joint(rack, SLIDE, f"{self.name}_slide", (-1, 0, 0), (0, RACK_TRAVEL_M), *brake)
-        add_box(rack, (0, 0, 0), RACK_HALF_M, mass=RACK_MASS_KG, **UNSEEN)
+        prop.add_joint(rack, prop.SLIDE, f"{self.name}_slide", (-1, 0, 0), (0, RACK_TRAVEL_M), *brake)
+        prop.add_box(rack, (0, 0, 0), RACK_HALF_M, mass=RACK_MASS_KG, **prop.UNSEEN)
         x, y, radius = RACK_HALF_M
         for side in (-1, 1):
-            draw_box(rack, (side * (x - radius), 0, 0), (radius, y, radius), rgba=WIRE)
-            draw_box(rack, (0, side * (y - radius), 0), (x, radius, radius), rgba=WIRE)
+            prop.draw_box(rack, (side * (x - radius), 0, 0), (radius, y, radius), rgba=WIRE)
+            prop.draw_box(rack, (0, side * (y - radius), 0), (x, radius, radius), rgba=WIRE)
         for wire_y in np.linspace(-y, y, RACK_WIRES + 2)[1:-1]:
             ends = (-x + radius, wire_y, radius / 2, x - radius, wire_y, radius / 2)
-            add_capsule(rack, ends, radius / 2, rgba=WIRE, **VISUAL_ONLY)
+            prop.add_capsule(rack, ends, radius / 2, rgba=WIRE, **prop.VISUAL_ONLY)

@@ -6,17 +6,8 @@ from itertools import product
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props import prop
 from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, slab
-from lerobot_env_bimanual.props.prop import (
-    UNSEEN,
-    VISUAL_ONLY,
-    add_box,
-    add_capsule,
-    add_cylinder,
-    add_free_body,
-    draw_box,
-    graspable,
-)
 
 WOOD = (0.70, 0.50, 0.30, 1.0)
 RIM_WOOD = (0.52, 0.34, 0.19, 1.0)
@@ -70,13 +61,13 @@ class ServingTray:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write board, handles and rim, and a mat and inlays for the eye."""
-        body = add_free_body(spec, self.name)
-        felt = graspable(self.friction)
+        body = prop.add_free_body(spec, self.name)
+        felt = prop.graspable(self.friction)
         x, y, z = np.array(self.size_m) / 2
         handle_area = 2 * self.handle_size_m[0] * self.handle_size_m[1]
         wood_density = self.mass_kg * (1 - RIM_MASS_SHARE) / (4 * x * y + handle_area)
         board_kg = 4 * x * y * wood_density
-        add_box(body, (0, 0, 0), (x, y, z), name=self.name, mass=board_kg, rgba=WOOD, **felt)
+        prop.add_box(body, (0, 0, 0), (x, y, z), name=self.name, mass=board_kg, rgba=WOOD, **felt)
         # The handles are felt as boxes, and seen as slabs with rounded corners and an inlay.
         handle_z = z if self.handle_height_m is None else self.handle_height_m / 2
         handle_half = (self.handle_size_m[0] / 2, self.handle_size_m[1] / 2, handle_z)
@@ -87,7 +78,7 @@ class ServingTray:
         handle_kg = wood_density * handle_area / 2
         for side in (-1, 1):
             middle = (0, side * (y + self.handle_size_m[1] / 2), 0)
-            add_box(body, middle, handle_half, mass=handle_kg, rgba=WOOD, **felt, **UNSEEN)
+            prop.add_box(body, middle, handle_half, mass=handle_kg, rgba=WOOD, **felt, **prop.UNSEEN)
             draw_mesh(body, handle_mesh, pos=middle, rgba=WOOD)
             draw_mesh(body, inlay_mesh, pos=middle, rgba=INLAY)
         self._add_rim(body, x, y, z)
@@ -95,19 +86,19 @@ class ServingTray:
 
     def _add_rim(self, body, x: float, y: float, z: float) -> None:
         bar, height = RIM_WIDTH_M / 2, self.rim_height_m / 2
-        rim = {"mass": self.mass_kg * RIM_MASS_SHARE / 4, "rgba": RIM_WOOD, **graspable(self.friction)}
+        rim = {"mass": self.mass_kg * RIM_MASS_SHARE / 4, "rgba": RIM_WOOD, **prop.graspable(self.friction)}
         for side in (-1, 1):
-            add_box(body, (side * (x - bar), 0, z + height), (bar, y, height), **rim)
-            add_box(body, (0, side * (y - bar), z + height), (x - 2 * bar, bar, height), **rim)
+            prop.add_box(body, (side * (x - bar), 0, z + height), (bar, y, height), **rim)
+            prop.add_box(body, (0, side * (y - bar), z + height), (x - 2 * bar, bar, height), **rim)
 
     def _add_mat(self, body, x: float, y: float, z: float) -> None:
         """A linen mat with a stripe along either long side."""
         half_x, half_y = x - RIM_WIDTH_M - MAT_INSET_M, y - RIM_WIDTH_M - MAT_INSET_M
         sheet = SHEET_HALF_THICKNESS_M
-        draw_box(body, (0, 0, z), (half_x, half_y, sheet), rgba=LINEN)
+        prop.draw_box(body, (0, 0, z), (half_x, half_y, sheet), rgba=LINEN)
         for side in (-1, 1):
             place = (side * (half_x - 4 * STRIPE_HALF_WIDTH_M), 0, z + sheet)
-            draw_box(body, place, (STRIPE_HALF_WIDTH_M, half_y, sheet), rgba=STRIPE)
+            prop.draw_box(body, place, (STRIPE_HALF_WIDTH_M, half_y, sheet), rgba=STRIPE)
 
 
 @dataclass(frozen=True)
@@ -130,11 +121,11 @@ class PegStand:
         peg_x, peg_y = self.peg_offset_m
         half_z = PLATE_HALF_THICKNESS_M
         plate = (peg_x + PLATE_MARGIN_M, peg_y + PLATE_MARGIN_M, half_z)
-        add_box(body, (0, 0, half_z), plate, rgba=PLATE)
+        prop.add_box(body, (0, 0, half_z), plate, rgba=PLATE)
         # Round tops touch what they carry in one point each, which is stable and cheap.
         top = self.height_m - PEG_RADIUS_M
         for x, y in product((-peg_x, peg_x), (-peg_y, peg_y)):
-            add_capsule(body, (x, y, 0.01, x, y, top), PEG_RADIUS_M, rgba=STEEL)
+            prop.add_capsule(body, (x, y, 0.01, x, y, top), PEG_RADIUS_M, rgba=STEEL)
             for radius, bottom, height in (FOOT, COLLAR):
                 middle = (x, y, bottom + height / 2)
-                add_cylinder(body, middle, radius, height / 2, rgba=RUBBER, **VISUAL_ONLY)
+                prop.add_cylinder(body, middle, radius, height / 2, rgba=RUBBER, **prop.VISUAL_ONLY)
