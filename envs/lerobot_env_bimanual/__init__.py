@@ -18,7 +18,7 @@ if TYPE_CHECKING or "lerobot" in sys.modules:
 if TYPE_CHECKING:
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import play_expert
-    from lerobot_env_bimanual.gym_env import make_env
+    from lerobot_env_bimanual.vector.gym_env import make_env
     from lerobot_env_bimanual.vector.policy_evaluation import evaluate
 
 __all__ = ["BimanualEnv", "BimanualEnvConfig", "evaluate", "list_tasks", "make_env", "play_expert"]
@@ -27,7 +27,7 @@ _MODULES = {
     "BimanualEnv": "env",
     "BimanualEnvConfig": "configuration_bimanual",
     "evaluate": "vector.policy_evaluation",
-    "make_env": "gym_env",
+    "make_env": "vector.gym_env",
     "play_expert": "experts.runner",
 }
 """Where each name is defined."""

@@ -39,6 +39,16 @@ def main(words: Sequence[str] | None = None) -> int:
     Returns:
         The exit code of the process (see the package's text).
     """
+    return answered(PROGRAM, lambda: _dispatch(list(sys.argv[1:] if words is None else words)))
+
+
+def answered(program: str, work: Callable[[], int]) -> int:
+    """The exit code of a program, after a line about what ended its work, if that failed.
+
+    Args:
+        program: its name.
+        work: gives its exit code.
+    """
     code = (
         128 + signal.SIGPIPE
     )  # of work that is unfinished when the reader of our output has left, as `head` does
@@ -46,17 +56,17 @@ def main(words: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # a terminal may know ASCII only
     try:
         with signal_handled(signal.SIGTERM, _leave), signal_handled(signal.SIGHUP, _leave):
-            code = _dispatch(list(sys.argv[1:] if words is None else words))
+            code = work()
         sys.stdout.flush()
         return code
     except BimanualError as error:
         if os.environ.get(TRACEBACK_VARIABLE) == "1":
             raise
-        print(f"{PROGRAM}: {plain(error, MAX_MESSAGE)}", file=sys.stderr)
+        print(f"{program}: {plain(error, MAX_MESSAGE)}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt as interrupt:
         remark = f"; {interrupt}" if interrupt.args else ""
-        print(f"\n{PROGRAM}: interrupted{remark}", file=sys.stderr)
+        print(f"\n{program}: interrupted{remark}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         for stream in (sys.stdout, sys.stderr):

@@ -27,10 +27,12 @@ def parse(program: str, *flags: str) -> Any:
     if program == "lerobot-bimanual":
         name, rest = cli.find_command(flags)
         return parse_flags(cli.config_type_of(cli.find_commands()[name].load()), rest)
+    if program == "lerobot-bimanual-eval":
+        flags = ("--env.type=bimanual", *flags)
     if any(flag.startswith("--policy.path=") for flag in flags):
         # LeRobot reads the policy's config from there and applies the other --policy flags to it.
         flags = tuple(flag for flag in flags if not flag.startswith(("--policy.", "--trust_")))
-    config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
+    config_type = EvalPipelineConfig if program.endswith("-eval") else TrainPipelineConfig
     return draccus.parse(config_type, args=flags, exit_on_error=False)
 
 

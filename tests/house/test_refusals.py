@@ -7,6 +7,8 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.files import UnwritableOutput, write_file
+from lerobot_env_bimanual import eval_program
+from lerobot_policy_bimanual.training import program as train_program
 
 BASES = {
     "dataset generate": {"task": "lift_ball", "root": "made"},
@@ -50,7 +52,7 @@ REFUSED = {
         "variation=../1": "variation is '../1', but must be an index of up to four digits, or any",
         "trained_on=all variation=0": "--trained_on=all has demonstrations of any",
         "trained_on=all val_episodes=20": "val_episodes is 20, but of a network for several tasks",
-        "recipe=tiny": "recipe is 'tiny', but must be one of: small, paper",
+        "recipe=tiny": "recipe is 'tiny', but must be one of: small, paper, FILE.yaml",
         "save_freq=0": "save_freq: Input should be greater than or equal to 1, but is 0",
         "steps=100000000 save_freq=1": "save_freq must leave at most 10000 checkpoints",
         "steps=4 save_freq=2 val_episodes=0": "after 2, 4 steps",
@@ -86,15 +88,46 @@ def test_a_flag_that_cannot_be_meant_is_refused(command, flags, message, tmp_pat
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
+TRAINED = f"--policy.path={Path(__file__).parents[2] / 'results/checkpoints/peract2_on_all'}"
+MISTAKES = [
+    (eval_program, "", "--policy.path=FOLDER is missing"),
+    (eval_program, "--policy.path=nowhere", "no checkpoint at nowhere"),
+    (eval_program, "--policy.path=lerobot/act", "lerobot/act is on the Hub, where nothing can check it"),
+    (eval_program, f"{TRAINED} --env.imagesize=3", "Did you mean '--env.image_size'?"),
+    (eval_program, f"{TRAINED} --env.image_size 3", "image_size is 3, but must be 8 to 4096"),
+    (eval_program, f"{TRAINED} --env.task=lift_bal", "Did you mean 'lift_ball'?"),
+    (eval_program, f"{TRAINED} --n_episodes=3", "Did you mean '--eval.n_episodes'?"),
+    (eval_program, f"{TRAINED} --eval.n_episodes=0", "an integer of at least 1"),
+    (train_program, "--policy.type=peract3", "Did you mean 'peract2'?"),
+    (train_program, "--policy.type=act --policy.chunksize=3", "Did you mean '--policy.chunk_size'?"),
+    (train_program, "--policy.type=act --dataset.root=nowhere", "no dataset at --dataset.root=nowhere"),
+    (train_program, "--config_path=small.yaml", "--config_path=small.yaml does not exist"),
+]
+
+
+@pytest.mark.parametrize(("program", "flags", "message"), MISTAKES)
+def test_a_mistake_for_a_program_of_lerobot_is_told_on_one_line_before_its_import(
+    program, flags, message, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", [program.__name__, *flags.split()])
+    assert program.main() in (1, 2)
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1  # before the import there is another line
+
+
 RESULTS = Path(__file__).parents[2] / "results"
 CHECKPOINT = f"--checkpoint={RESULTS / 'checkpoints/peract2_on_all'}"
 ROWS = f"--results={RESULTS / 'leaderboard'}"
 NEEDED = {
     "expert evaluate": ["--task=lift_ball"],
     "policy inspect": [CHECKPOINT, "--root=any"],
+    "policy new": ["--name=mine"],
     "policy robustness": [CHECKPOINT, "--task=handover_item_easy"],
     "results diagnose": [ROWS],
     "results report": [ROWS],
+    "task new": ["--name=mine"],
     "task view": ["--task=lift_ball", "--window=false"],
 }
 """Further flags of a command."""

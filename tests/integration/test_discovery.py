@@ -2,10 +2,18 @@
 
 import json
 import sys
+from dataclasses import fields
 from typing import Any
 
 import pytest
+from lerobot.configs import PreTrainedConfig
+from lerobot.configs.train import TrainPipelineConfig
+from lerobot.envs.configs import EnvConfig
+from lerobot.utils.import_utils import register_third_party_plugins
 from programs import run
+
+from lerobot_bimanual.cli.flags import BadCommandLine
+from lerobot_bimanual.cli.lerobot_flags import check_flags
 
 DISCOVER = """
 import json, sys
@@ -61,3 +69,16 @@ def test_core_alone_loads_no_heavy_library(tmp_path) -> None:
     loaded = run(sys.executable, "-c", program, folder=tmp_path).split()
     assert "lerobot_bimanual" in loaded
     assert not {"lerobot", "torch", "mujoco", "gymnasium", "datasets", "draccus"} & set(loaded)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "base"), [("policy", PreTrainedConfig), ("env", EnvConfig)])
+def test_the_flags_that_are_read_from_sources_are_those_of_the_configs(family, base) -> None:
+    register_third_party_plugins()
+    of_program = ("lerobot.configs.train", "TrainPipelineConfig")
+    for kind, config in base.get_known_choices().items():
+        flags = [f"--{family}.{each.name}=1" for each in fields(config) if each.init]
+        flags += [f"--{each.name}=1" for each in fields(TrainPipelineConfig) if each.init]
+        check_flags([f"--{family}.type={kind}", *flags], *of_program)
+        with pytest.raises(BadCommandLine, match=f"--{family}.no_such_flag"):
+            check_flags([f"--{family}.type={kind}", f"--{family}.no_such_flag=1"], *of_program)

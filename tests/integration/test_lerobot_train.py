@@ -1,6 +1,7 @@
 """LeRobot's own command lines train, resume and evaluate the policies on a generated dataset."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,8 @@ TINY_ACT = [
         | {"observation.state": {"type": "STATE", "shape": [16]}}
     ),
 ]
+POLICIES = Path(__file__).parents[2] / "policies"
+SHIPPED = POLICIES.parent / "results/checkpoints/peract2_on_all"
 UNNAMED_ACT = [flag for flag in TINY_ACT if not flag.startswith("--policy.input_features")]
 
 
@@ -167,3 +170,31 @@ def test_act_learns_the_actions_of_either_view_by_lerobot_alone(room, view, flag
     train(*flags, folder=room, data=f"data/{view}", steps=2, output=f"act_{view}")
     assert checkpoint_config(room / f"act_{view}")["output_features"]["action"]["shape"] == [numbers]
     assert evaluate(f"act_{view}", room, "--env.obs=rgb", f"--env.control_mode={mode}")["n_episodes"] == 1
+
+
+def test_lerobots_diffusion_is_trained_by_its_recipe_and_evaluated(room):
+    recipe = POLICIES / "lerobot_policy_bimanual/diffusion/recipes/small.yaml"
+    flags = (f"--config_path={recipe}", TINY_ACT[-1], "--policy.down_dims=[32,64]")
+    train(
+        *flags, folder=room, data="data/frames", steps=1, output="diffusion", command="lerobot-bimanual-train"
+    )
+    assert evaluate("diffusion", room, "--env.obs=rgb")["n_episodes"] == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({"type": "smolvla"}, "not safe to say"), ({"type": "peract3"}, "Did you mean 'peract2'?")],
+)
+def test_our_evaluation_refuses_a_strangers_checkpoint_on_one_line(change, said, tmp_path):
+    folder = Path(shutil.copytree(SHIPPED, tmp_path / "strange"))
+    config = json.loads((folder / "config.json").read_text()) | change
+    (folder / "config.json").write_text(json.dumps(config))
+    words = (
+        "lerobot-bimanual-eval",
+        f"--policy.path={folder}",
+        "--env.task=lift_ball",
+        "--eval.batch_size=1",
+    )
+    told = run(*words, folder=tmp_path, fails=True).splitlines()
+    assert said in told[-1]
+    assert len(told) <= 2

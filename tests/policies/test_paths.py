@@ -3,16 +3,15 @@
 import json
 import subprocess
 import sys
-from types import SimpleNamespace
+from pathlib import Path
 
 import pytest
 
 from lerobot_bimanual import cli
+from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
 from lerobot_bimanual.dataset.schema import CALIBRATION_INFO, TASK_NAME, VERSION_INFO, WRIST_EXTRINSICS
-from lerobot_bimanual.errors import DatasetError
-from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint_if_local
-from lerobot_policy_bimanual.errors import CheckpointError
-from lerobot_policy_bimanual.training.train import check_dataset
+from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_policy_bimanual.training.dataset_folder import check_dataset
 
 WITHOUT_LEROBOT = """
 import sys
@@ -57,10 +56,6 @@ def test_the_folder_above_a_checkpoint_is_answered_with_the_right_one(tmp_path, 
     assert f"Do you mean {tmp_path / below}?" in capsys.readouterr().err
 
 
-def training(root, *episodes) -> SimpleNamespace:
-    return SimpleNamespace(dataset=SimpleNamespace(root=str(root), episodes=[*episodes] or None))
-
-
 def touch_dataset(folder, **info) -> None:
     (folder / "meta").mkdir(parents=True)
     (folder / "meta" / "info.json").write_text(json.dumps({"total_episodes": 4} | info))
@@ -70,10 +65,10 @@ def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
     for view in ("frames", "keyframes"):
         touch_dataset(tmp_path / view)
     with pytest.raises(DatasetError, match=f"--dataset.root={tmp_path / 'keyframes'}"):
-        check_dataset(training(tmp_path))
-    check_dataset(training(tmp_path / "frames", 0, 3))
+        check_dataset(tmp_path)
+    check_dataset(tmp_path / "frames", (0, 3))
     with pytest.raises(DatasetError, match=r"has episodes 0 to 3, but --dataset\.episodes names 4"):
-        check_dataset(training(tmp_path / "frames", 0, 4, 5))
+        check_dataset(tmp_path / "frames", (0, 4, 5))
 
 
 @pytest.mark.parametrize(
@@ -86,15 +81,15 @@ def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
 def test_a_dataset_of_another_schema_is_refused_before_training(tmp_path, key, info, message):
     touch_dataset(tmp_path, features={key: {"info": info}})
     with pytest.raises(DatasetError, match=message):
-        check_dataset(training(tmp_path))
+        check_dataset(tmp_path)
 
 
 def test_what_is_missing_here_is_not_looked_for_on_the_hub(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(DatasetError, match=r"no dataset at --dataset.root=nowhere: .* does not exist"):
-        check_dataset(training("nowhere"))
+        check_dataset(Path("nowhere"))
     (tmp_path / "outputs").mkdir()
     for path in ("/nowhere/at/all", "outputs/nowhere", "./nowhere", "a/b/c"):
-        with pytest.raises(CheckpointError, match="no checkpoint at"):
+        with pytest.raises(BimanualError, match="no checkpoint at"):
             require_checkpoint_if_local(path)
     require_checkpoint_if_local("owner/name")

@@ -10,13 +10,14 @@ from typing import Any, Self
 from pydantic import ConfigDict
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.checkpoint_folder import CONFIG_FILE, require_checkpoint
 from lerobot_bimanual.dataset.schema import image_key
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import sha256
 from lerobot_bimanual.results.record import Record
 
-CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
+WEIGHTS_FILE = "model.safetensors"
 CHECKER = "policy check"
 """The command whose module has a function `require_safe`."""
 
@@ -59,12 +60,9 @@ class Checkpoint:
         Raises:
             BimanualError: there is none, or its config is damaged.
         """
-        for name in (CONFIG_FILE, WEIGHTS_FILE):
-            if not (folder / name).is_file():
-                raise BimanualError(
-                    f"no checkpoint at {folder}: {folder / name} does not exist. Give the folder `pretrained_model` of a "
-                    "training, as in outputs/peract2/checkpoints/last/pretrained_model"
-                )
+        require_checkpoint(folder)
+        if not (folder / WEIGHTS_FILE).is_file():
+            raise BimanualError(f"{folder / WEIGHTS_FILE} does not exist: the checkpoint is incomplete")
         config = _Config.read(folder / CONFIG_FILE)
         cameras = [camera for camera in CAMERA_NAMES if image_key(camera) in config.input_features]
         sizes = {"x".join(map(str, config.input_features[image_key(name)].shape[1:])) for name in cameras}

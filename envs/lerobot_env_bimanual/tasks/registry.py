@@ -101,5 +101,5 @@ def register_gym_ids() -> None:
     """Register every task with Gymnasium, without importing its module."""
     for task in list_tasks():
         if gym_id(task) not in gym.registry:
-            entry_point = "lerobot_env_bimanual.gym_env:make_env"
+            entry_point = "lerobot_env_bimanual.vector.gym_env:make_env"
             gym.register(gym_id(task), entry_point=entry_point, kwargs={"task": task})

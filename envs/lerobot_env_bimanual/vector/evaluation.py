@@ -6,6 +6,7 @@ LeRobot's evaluation keeps rewards and successes only; why an episode failed is 
 from __future__ import annotations
 
 import logging
+import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.episode import Episode
@@ -47,6 +49,7 @@ class Evaluation:
         random_state: the state of all random numbers of the process, as a text.
         set_random_state: brings the random numbers back into such a state.
         trained_worlds: task -> version of the world in which the policy learned it, where its config says so.
+        shows_bar: whether a bar counts the episodes that were asked for.
     """
 
     policy: Mapping[str, str | int] = field(default_factory=dict)
@@ -54,6 +57,7 @@ class Evaluation:
     random_state: Callable[[], str] = str
     set_random_state: Callable[[str], object] = str
     trained_worlds: Mapping[str, str] = field(default_factory=dict)
+    shows_bar: bool = False
 
 
 class _Entry(Record):
@@ -228,6 +232,7 @@ class EvaluationLog:
         self._task, self._options = task, options
         self._running: set[int] = set()
         self._episodes: list[Episode] = []
+        self._evaluation, self._bar = evaluation, tqdm(disable=True)
         self._kept: KeptEpisodes | None = None
         if (folder := options.results_dir) is not None:
             self._kept = KeptEpisodes(Path(folder), task, options, environments, evaluation)
@@ -247,7 +252,12 @@ class EvaluationLog:
         """
         settled = {} if self._kept is None else self._kept.begin(seeds)
         self._running = (self._running - seeds.keys()) | (seeds.keys() - settled.keys())
-        self._episodes += [episode for episode in settled.values() if episode is not None]
+        if self._evaluation.shows_bar and self._bar.disable:
+            shown = getattr(sys.stderr, "unfiltered", sys.stderr)
+            total = len(self._evaluation.seeds or ())
+            self._bar = tqdm(desc=self._task, total=total, unit="episode", file=shown, position=0)
+        for episode in settled.values():
+            self._count(episode)
         return settled
 
     def note(self, is_over: NDArray, info: Mapping[str, Any]) -> None:
@@ -264,14 +274,22 @@ class EvaluationLog:
             if is_over[index]:
                 self._running.remove(index)
                 episode = info[PLAYED][index] if PLAYED in info else _episode(info, index)
-                self._episodes.append(episode)
                 if self._kept is not None:
                     self._kept.add(episode)
+                self._count(episode)
                 verdict = "solved" if episode.success else f"not solved ({episode.failure})"
                 logger.info("%s, seed %d: %s, %d ticks", self._task, episode.seed, verdict, episode.ticks)
 
+    def _count(self, episode: Episode | None) -> None:
+        """Count an episode, unless it only fills up the batch."""
+        if episode is not None:
+            self._episodes.append(episode)
+            self._bar.set_postfix(solved=sum(each.success for each in self._episodes), refresh=False)
+            self._bar.update()
+
     def close(self) -> None:
         """Sum up the episodes since the last time, if there were any."""
+        self._bar.close()
         episodes, self._episodes = self._episodes, []
         self._running.clear()
         kept = "" if self._kept is None else self._kept.finish()

@@ -9,6 +9,7 @@ import hashlib
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import draccus
@@ -19,16 +20,18 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import sha256
 from lerobot_env_bimanual.vector.evaluation import Evaluation
 
-PROGRAM = "lerobot-eval"
+OURS = "lerobot-bimanual-eval"
+PROGRAMS = ("lerobot-eval", OURS)
 
 
 def evaluation_of_program() -> Evaluation:
-    """What this process evaluates; nothing is known of it unless it is `lerobot-eval`.
+    """What this process evaluates; nothing is known of it unless it is `lerobot-eval` or ours of that kind.
 
     Raises:
         BimanualError: LeRobot would record the evaluation, which it cannot.
     """
-    if Path(sys.argv[0]).stem.replace("_", "-") != PROGRAM:
+    program = Path(sys.argv[0]).stem.replace("_", "-")
+    if program not in PROGRAMS:
         return Evaluation()
     config = _command_line()  # pyright: ignore[reportCallIssue]  LeRobot's parser gives it
     if config.eval.recording:
@@ -39,7 +42,7 @@ def evaluation_of_program() -> Evaluation:
     if config.policy is None or config.seed is None:
         return Evaluation()
     seeds = range(config.seed, config.seed + config.eval.n_episodes)
-    return evaluation_of(config.policy, seeds, config.rename_map)
+    return replace(evaluation_of(config.policy, seeds, config.rename_map), shows_bar=program == OURS)
 
 
 def evaluation_of(

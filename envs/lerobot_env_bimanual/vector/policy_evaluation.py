@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import dataset_row
-from lerobot_env_bimanual.gym_env import Keys, checked_keys
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.vector.evaluation import Evaluation, record_name
+from lerobot_env_bimanual.vector.gym_env import Keys, checked_keys
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 
 
@@ -69,25 +68,21 @@ def evaluate(
         envs = LazyVectorEnv(
             [partial(BimanualEnv, task, options=replace(chosen, results_dir=None))] * environments,
             asynchronous=environments > 1,
-            evaluation=Evaluation({"type": name} if name else {}, wanted),
+            evaluation=Evaluation({"type": name} if name else {}, wanted, shows_bar=progress),
             results_dir=folder,
         )
         try:
-            with tqdm(total=len(wanted), desc=task, unit="episode", disable=not progress) as bar:
-                solved = 0
-                for batch in batched(wanted, environments):
-                    if reset is not None:
-                        reset()
-                    solved += _play(envs, act, batch, keys)
-                    bar.set_postfix(solved=solved, refresh=False)
-                    bar.update(len(batch))
+            for batch in batched(wanted, environments):
+                if reset is not None:
+                    reset()
+                _play(envs, act, batch, keys)
         finally:
             envs.close()
         return EvaluationRecord.read(Path(folder) / record_name(task, chosen))
 
 
-def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> int:
-    """Play an episode of each seed; returns how many were solved."""
+def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> None:
+    """Play an episode of each seed."""
     filled: list[int | None] = [
         *seeds,
         *(seeds[-1] + 1 + index for index in range(envs.num_envs - len(seeds))),
@@ -102,7 +97,6 @@ def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> in
             actions[index] = act(observation | {"task": str(info["instruction"][index])})
         observations, _, terminated, truncated, info = envs.step(actions)
         over |= terminated | truncated
-    return int(np.sum(info["is_success"][: len(seeds)]))
 
 
 def _single(observations: dict[str, Any], index: int) -> dict[str, Any]:

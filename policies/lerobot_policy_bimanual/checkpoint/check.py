@@ -18,9 +18,9 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from torch import Tensor
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers our policies
+from lerobot_bimanual.checkpoint_folder import CONFIG_FILE, require_checkpoint
 from lerobot_bimanual.errors import BimanualError, plain, shown
 from lerobot_bimanual.files import read_json
-from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE, require_checkpoint
 from lerobot_policy_bimanual.checkpoint.steps import (
     Feature,
     NotSafeToSay,

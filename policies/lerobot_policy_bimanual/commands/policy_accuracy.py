@@ -27,9 +27,9 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
         lerobot-bimanual dataset generate --task=lift_ball --split=val --episodes=20 --view=keyframes --root=data/val
         lerobot-bimanual policy accuracy --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --root=data/val
     """
+    from lerobot_bimanual.checkpoint_folder import require_checkpoint
     from lerobot_bimanual.dataset.reader import find_view
     from lerobot_bimanual.terminal import print_table, show_next
-    from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
 
     require_checkpoint(config.checkpoint)
     find_view(config.root)

@@ -26,8 +26,8 @@ def policy_check(config: PolicyCheckConfig) -> None:
     Examples:
         lerobot-bimanual policy check --checkpoint=outputs/peract2/checkpoints/last/pretrained_model
     """
+    from lerobot_bimanual.checkpoint_folder import require_checkpoint
     from lerobot_bimanual.terminal import show_next
-    from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
 
     require_checkpoint(config.checkpoint)
 

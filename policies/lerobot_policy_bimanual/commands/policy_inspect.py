@@ -30,11 +30,11 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
     """
     from io import BytesIO
 
+    from lerobot_bimanual.checkpoint_folder import require_checkpoint
     from lerobot_bimanual.dataset.reader import find_view, read_info
     from lerobot_bimanual.errors import DatasetError
     from lerobot_bimanual.files import check_output_file, write_file
     from lerobot_bimanual.terminal import show_next
-    from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
 
     require_checkpoint(config.checkpoint)
     path = config.output / f"row_{config.index:05d}.png"

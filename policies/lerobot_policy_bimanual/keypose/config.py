@@ -34,6 +34,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     normalization_mapping: dict[str, NormalizationMode] = field(
         default_factory=lambda: dict.fromkeys(("VISUAL", "STATE", "ACTION"), NormalizationMode.IDENTITY)
     )
+    push_to_hub: bool = False  # to the Hub, which needs --policy.repo_id
     # RGB-D cameras to use, any subset of the five, as in `["front", "left_wrist"]`.
     cameras: tuple[str, ...] = CAMERA_NAMES
     # Lower corner of the workspace in metres. Keyposes outside it cannot be predicted.

@@ -2,6 +2,10 @@
 
 import ctypes
 import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from lerobot_bimanual.cli.lerobot_program import run_program
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Parameters of glibc's `mallopt`."""
@@ -11,12 +15,26 @@ MAX_KEPT_BYTES = 2**30
 
 
 def main() -> int:
-    """Print that the program runs, then import LeRobot and train."""
-    sys.stderr.write("lerobot-bimanual-train: importing LeRobot\n")
-    keep_freed_memory()
-    from lerobot_policy_bimanual.training.train import main as train
+    """Run `lerobot-train` with the flags of this process, on a dataset in memory."""
+    config = ("lerobot.configs.train", "TrainPipelineConfig")
+    return run_program("lerobot-bimanual-train", config, _check, _train, progress=True)
 
-    return train()
+
+def _check(values: Mapping[str, str]) -> None:
+    if root := values.get("dataset.root"):
+        from lerobot_policy_bimanual.training.dataset_folder import check_dataset
+
+        check_dataset(Path(root))
+
+
+def _train() -> None:
+    keep_freed_memory()
+    from lerobot.utils.import_utils import register_third_party_plugins
+
+    from lerobot_policy_bimanual.training.train import train
+
+    register_third_party_plugins()
+    train()  # pyright: ignore[reportCallIssue]  the config is made of the flags
 
 
 def keep_freed_memory() -> None:

@@ -25,22 +25,18 @@ from lerobot.configs.train import TrainPipelineConfig
 from lerobot.configs.video import DEPTH_MILLIMETER_UNIT
 from lerobot.datasets import EpisodeAwareSampler
 from lerobot.scripts import lerobot_train
-from lerobot.utils.import_utils import register_third_party_plugins
 from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
-from lerobot_bimanual.dataset.calibration import Calibration
-from lerobot_bimanual.dataset.provenance import Provenance, check_version
-from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
-from lerobot_bimanual.errors import MAX_MESSAGE, BimanualError, DatasetError, plain
-from lerobot_bimanual.files import check_output_folder, read_json, share_files
+from lerobot_bimanual.cli.lerobot_program import TRUST_FLAG
+from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.files import check_output_folder, share_files
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
-from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint_if_local
 from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.training.dataset_folder import check_dataset
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
-TRUST_FLAG = "--trust_checkpoint=true"
-"""Loads what a checkpoint of `--policy.path` or of a resumed training names, without a check."""
+logger = logging.getLogger(__name__)  # the root's functions would add a handler of everything
 
 
 class LoaderFromMemory:
@@ -136,18 +132,6 @@ def _starts_within_an_epoch(loader: DataLoader) -> bool:
     return isinstance(sampler, EpisodeAwareSampler) and bool(sampler.state_dict()["start_index"])
 
 
-def main() -> int:
-    """Run `lerobot-train` with the flags of this process."""
-    register_third_party_plugins()
-    sys.argv = [word for word in sys.argv if word != TRUST_FLAG]  # LeRobot does not know it
-    try:
-        train()  # pyright: ignore[reportCallIssue]  the config is made of the flags
-    except BimanualError as error:
-        print(f"lerobot-bimanual-train: {plain(error, MAX_MESSAGE)}", file=sys.stderr)
-        return error.exit_code
-    return 0
-
-
 @parser.wrap()
 def train(cfg: TrainPipelineConfig) -> None:
     """Train with the dataset in memory; a LeRobot that takes no accelerator trains with its own loaders, and a warning.
@@ -155,10 +139,7 @@ def train(cfg: TrainPipelineConfig) -> None:
     Raises:
         DatasetError: as in `check_training`, or the dataset does not fit into memory.
         BadConfig: the training is to run elsewhere.
-        CheckpointError: the folder of `--policy.path` holds no checkpoint.
     """
-    if path := parser.get_path_arg("policy"):
-        require_checkpoint_if_local(path)
     if cfg.job.is_remote:
         raise BadConfig("--job.target names another machine: submit the training with `lerobot-train`")
     of_config: Any = getattr(cfg, "accelerator", None)
@@ -176,7 +157,7 @@ def train(cfg: TrainPipelineConfig) -> None:
 
         cfg.accelerator = WithMemory(**vars(of_config))  # pyright: ignore[reportAttributeAccessIssue]
     else:
-        logging.warning(
+        logger.warning(
             "This LeRobot takes no accelerator: rows are decoded at every step, as by `lerobot-train`"
         )
     lerobot_train.train(cfg)
@@ -220,44 +201,13 @@ def check_training(cfg: TrainPipelineConfig) -> None:
             f"depth is kept in memory in whole millimetres, and cannot be given in {cfg.dataset.depth_output_unit!r}: "
             "leave out --dataset.depth_output_unit, or use `lerobot-train`"
         )
-    check_dataset(cfg)
+    if cfg.dataset.root is not None:
+        check_dataset(Path(cfg.dataset.root), cfg.dataset.episodes or [0])
     if cfg.output_dir is not None:
         check_output_folder(cfg.output_dir if cfg.output_dir.is_dir() else cfg.output_dir.parent)
     if cfg.num_workers:
-        logging.info("No loader processes: the dataset is in memory")
+        logger.info("No loader processes: the dataset is in memory")
         cfg.num_workers = 0
-
-
-def check_dataset(cfg: TrainPipelineConfig) -> None:
-    """Whether the folder of a training's dataset holds it; LeRobot would look for it on the Hub otherwise.
-
-    Raises:
-        DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for, or of
-            another schema, or with a damaged calibration.
-        BadRecord: its provenance is damaged.
-    """
-    if cfg.dataset.root is None:
-        return
-    root, episodes = Path(cfg.dataset.root), cfg.dataset.episodes or [0]
-    if views := views_below(root):
-        raise DatasetError(
-            f"--dataset.root={root} holds the views of a dataset, but must be one of them: give "
-            f"{' or '.join(f'--dataset.root={view}' for view in views)}. Keypose policies learn from `keyframes`, "
-            "policies of joint actions from `frames`"
-        )
-    if not (root / INFO_FILE).is_file():
-        raise DatasetError(
-            f"no dataset at --dataset.root={root}: {root / INFO_FILE} does not exist. To train on one of the Hub, leave out "
-            "--dataset.root"
-        )
-    info = read_json(root / INFO_FILE)
-    features = info.get("features", {})
-    check_version(features, root)
-    Provenance.of_dataset(root)
-    Calibration.of_features(features)
-    total = info.get("total_episodes")
-    if outside := [number for number in episodes if not 0 <= number < total]:
-        raise DatasetError(f"{root} has episodes 0 to {total - 1}, but --dataset.episodes names {outside[0]}")
 
 
 def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
@@ -269,7 +219,3 @@ def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
     """
     named = cfg.policy.input_features if cfg.policy is not None else None
     return {key for key in meta.camera_keys if not named or cfg.rename_map.get(key, key) in named}
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_bimanual.errors import BimanualError
 
 CONFIG_FILE = "config.json"
 BELOW = ("pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model")
@@ -13,7 +13,7 @@ def require_checkpoint(folder: Path) -> None:
     """Check that a folder is one that LeRobot saves policies in.
 
     Raises:
-        CheckpointError: the folder holds no checkpoint; the message names the folder that may be meant.
+        BimanualError: the folder holds no checkpoint; the message names the folder that may be meant.
     """
     if (folder / CONFIG_FILE).is_file():
         return
@@ -24,14 +24,14 @@ def require_checkpoint(folder: Path) -> None:
         else "Give the folder `pretrained_model` of a training, as in "
         "outputs/peract2/checkpoints/last/pretrained_model"
     )
-    raise CheckpointError(f"no checkpoint at {folder}: {folder / CONFIG_FILE} does not exist. {advice}")
+    raise BimanualError(f"no checkpoint at {folder}: {folder / CONFIG_FILE} does not exist. {advice}")
 
 
 def require_checkpoint_if_local(path: str) -> None:
     """`require_checkpoint` of what LeRobot takes as a folder or as `owner/name` on the Hub, unless it can only be the latter.
 
     Raises:
-        CheckpointError: there is no checkpoint.
+        BimanualError: there is no checkpoint.
     """
     if Path(path).parent.is_dir() or path.count("/") != 1:
         require_checkpoint(Path(path))

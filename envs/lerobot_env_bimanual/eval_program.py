@@ -1,0 +1,54 @@
+"""The program `lerobot-bimanual-eval`: LeRobot's own evaluation, of checked flags and checkpoints, with one bar."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+
+from lerobot_bimanual.cli.flags import parse_flags
+from lerobot_bimanual.cli.lerobot_program import TRUST_FLAG, run_program
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_env_bimanual.options import EnvOptions
+
+CONFIG = ("lerobot.configs.eval", "EvalPipelineConfig")
+OWN_OPTIONS = {field.name for field in fields(EnvOptions)}
+
+
+def main() -> int:
+    """Run `lerobot-eval` with the flags of this process; `--env.type` is `bimanual` unless it is given."""
+    if not any(word.partition("=")[0] in ("--env.type", "--config_path") for word in sys.argv):
+        sys.argv.insert(1, "--env.type=bimanual")
+    return run_program("lerobot-bimanual-eval", CONFIG, _check, _evaluate, progress=False)
+
+
+def _check(values: Mapping[str, str]) -> None:
+    """Check what LeRobot would refuse half a minute later, or take for the name of something on the Hub."""
+    if not values.get("policy.path"):
+        raise BimanualError(
+            "--policy.path=FOLDER is missing: the folder `pretrained_model` of a trained policy"
+        )
+    for name in ("eval.n_episodes", "eval.batch_size"):
+        if not values.get(name, "1").isdecimal() or not int(values.get(name, "1")):
+            raise InvalidChoice(f"--{name}", values[name], "an integer of at least 1")
+    if values.get("env.type") == "bimanual":
+        from lerobot_env_bimanual.tasks.registry import resolve_tasks
+
+        given = {
+            name.removeprefix("env."): value for name, value in values.items() if name.startswith("env.")
+        }
+        parse_flags(EnvOptions, [f"--{name}={value}" for name, value in given.items() if name in OWN_OPTIONS])
+        resolve_tasks(given.get("task", "push_box"))
+
+
+def _evaluate() -> None:
+    from lerobot.configs import parser
+    from lerobot.scripts import lerobot_eval
+
+    import lerobot_env_bimanual.configuration_bimanual  # noqa: F401  registers the type: the package came before LeRobot
+    from lerobot_env_bimanual.sweep.checkpoint import require_safe
+
+    if TRUST_FLAG not in sys.orig_argv and (path := parser.get_path_arg("policy")):
+        require_safe(Path(path))
+    lerobot_eval.main()

@@ -1,0 +1,113 @@
+"""A program of LeRobot under our name: what can be said before LeRobot's import is said at once, and every failure on one line."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any, TextIO
+
+from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
+from lerobot_bimanual.cli.command_line import TRACEBACK_VARIABLE, answered
+from lerobot_bimanual.cli.lerobot_flags import check_flags
+from lerobot_bimanual.errors import BimanualError
+
+TRUST_FLAG = "--trust_checkpoint=true"
+"""Loads what a checkpoint of `--policy.path` or of a resumed training names, without a check; LeRobot does not know it."""
+MAX_LINES = 3
+"""Longer messages are dumps of configs and metrics, or tracebacks of libraries that go on without what they lack."""
+
+
+class Filtered:
+    """A stream without dumps and without torchcodec's news.
+
+    Args:
+        stream: the stream.
+        progress: whether LeRobot's bars and its reports of what it does are let through.
+    """
+
+    def __init__(self, stream: TextIO, progress: bool):
+        self.unfiltered, self._progress = stream, progress
+
+    def write(self, text: str) -> int:
+        """Write a message, above the bars, unless it is none for people."""
+        from tqdm import tqdm
+
+        is_bar = text.startswith(("\r", "\x1b", "\n"))
+        is_dump = text.count("\n") > MAX_LINES or "torchcodec" in text
+        if is_bar and self._progress:
+            self.unfiltered.write(text)
+        elif not is_dump and (self._progress or not (is_bar or text.startswith("INFO"))):
+            with tqdm.external_write_mode(self.unfiltered):
+                self.unfiltered.write(text)
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        """Anything else is the stream's."""
+        return getattr(self.unfiltered, name)
+
+
+def run_program(
+    program: str,
+    config: tuple[str, str],
+    check: Callable[[Mapping[str, str]], None],
+    work: Callable[[], object],
+    progress: bool,
+) -> int:
+    """Run a program with the flags of this process; returns its exit code.
+
+    Args:
+        program: its name.
+        config: module and class of LeRobot's config of its flags.
+        check: checks the values of flags by name before LeRobot is imported.
+        work: imports LeRobot and does the work.
+        progress: whether LeRobot's bars and reports are shown, not only ours.
+    """
+
+    def main() -> int:
+        words = sys.argv[1:]
+        values = check_flags(words, *config)
+        if "help" not in values:
+            if path := values.get("policy.path"):
+                require_checkpoint_if_local(path)
+                if not Path(path).is_dir() and TRUST_FLAG not in words:
+                    raise BimanualError(
+                        f"{path} is on the Hub, where nothing can check it: `hf download {path} --local-dir=FOLDER` and give the "
+                        f"folder, or {TRUST_FLAG} where you trust its source"
+                    )
+            check(values)
+            print(f"{program}: importing LeRobot", file=sys.stderr)
+        sys.argv = [sys.argv[0], *(word for word in words if word != TRUST_FLAG)]
+        if "help" in values:
+            work()
+            return 0
+        shown: list[Any] = [Filtered(stream, progress) for stream in (sys.stdout, sys.stderr)]
+        if not progress:
+            _report_ours(Filtered(sys.stderr, progress=True))
+        try:
+            with redirect_stdout(shown[0]), redirect_stderr(shown[1]):
+                work()
+        except BimanualError:
+            raise
+        except Exception as error:
+            if os.environ.get(TRACEBACK_VARIABLE) == "1":
+                raise
+            said = " ".join(str(error).split())
+            raise BimanualError(
+                f"{type(error).__name__}: {said} ({TRACEBACK_VARIABLE}=1 shows where)"
+            ) from error
+        return 0
+
+    return answered(program, main)
+
+
+def _report_ours(stream: Any) -> None:
+    """Write what our packages report as plain lines."""
+    handler = logging.StreamHandler(stream)
+    for name in ("lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual"):
+        logger = logging.getLogger(name)
+        logger.handlers, logger.propagate = [handler], False
+        logger.setLevel(logging.INFO)

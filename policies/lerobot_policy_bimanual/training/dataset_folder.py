@@ -1,0 +1,43 @@
+"""Whether a folder holds the dataset of a training, known before LeRobot and torch are imported."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.provenance import Provenance, check_version
+from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
+from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.files import read_json
+
+
+def check_dataset(root: Path, episodes: Sequence[int] = (0,)) -> None:
+    """Whether the folder of a training's dataset holds it; LeRobot would look for it on the Hub otherwise.
+
+    Args:
+        root: the folder.
+        episodes: some that it has to hold.
+
+    Raises:
+        DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for, or of
+            another schema, or with a damaged calibration.
+        BadRecord: its provenance is damaged.
+    """
+    if views := views_below(root):
+        raise DatasetError(
+            f"--dataset.root={root} holds the views of a dataset, but must be one of them: give "
+            f"{' or '.join(f'--dataset.root={view}' for view in views)}. Keypose policies learn from `keyframes`, "
+            "policies of joint actions from `frames`"
+        )
+    if not (root / INFO_FILE).is_file():
+        raise DatasetError(
+            f"no dataset at --dataset.root={root}: {root / INFO_FILE} does not exist. To train on one of the Hub, leave out "
+            "--dataset.root"
+        )
+    info = read_json(root / INFO_FILE)
+    features = info.get("features", {})
+    check_version(features, root)
+    Provenance.of_dataset(root)
+    Calibration.of_features(features)
+    total = info.get("total_episodes")
+    if outside := [number for number in episodes if not 0 <= number < total]:
+        raise DatasetError(f"{root} has episodes 0 to {total - 1}, but --dataset.episodes names {outside[0]}")
