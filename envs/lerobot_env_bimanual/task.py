@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -20,6 +21,9 @@ from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
+
+OWN_IDS = 1000
+"""Lowest number of a task without one of its own."""
 
 type Script = Callable[[SceneView], Iterator[Stage]]
 
@@ -81,7 +85,8 @@ class TaskSpec:
 
     Attributes:
         name: snake_case, also the module's name.
-        id: position in the PerAct2 paper's list of tasks; part of every episode's seed, never reused.
+        id: position in the PerAct2 paper's list of tasks, part of every episode's seed, never reused. Other tasks leave it out,
+            and have a number that comes from their name.
         instructions: sentence templates over `Variation.words`; the first one is canonical.
         taxonomy: how the two arms depend on each other.
         props: the things of the scene besides robots and table, in the setting `standard`.
@@ -98,7 +103,7 @@ class TaskSpec:
     """
 
     name: str
-    id: int
+    id: int = field(default=-1, kw_only=True)
     instructions: tuple[str, ...]
     taxonomy: Taxonomy
     props: tuple[Prop, ...]
@@ -109,6 +114,11 @@ class TaskSpec:
     needs_both_arms: bool = False
     plans: tuple[str, ...] = ("usual",)
     load_bounds: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Give a task without a number that of its name."""
+        if self.id < 0:
+            object.__setattr__(self, "id", OWN_IDS + zlib.crc32(self.name.encode()))
 
     def prop_sets(self, setting: str) -> tuple[tuple[Prop, ...], ...]:
         """The sets of props among which the episodes of a setting draw."""

@@ -18,7 +18,8 @@ import pytest
 from packaging.requirements import Requirement
 from test_repository import DISTRIBUTIONS, ROOT
 
-TASK_PACKAGE = ROOT / "examples/07_own_task"
+from lerobot_bimanual.cli import main
+
 # Any attempt to reach the network fails the program that begins with these lines.
 NO_NETWORK = """
 import socket
@@ -61,7 +62,9 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def python(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Interpreter of an environment with the four wheels, a task of another distribution, and borrowed dependencies."""
     borrowed = (each.name for each in Path(sysconfig.get_path("purelib")).iterdir() if each.suffix != ".pth")
-    task = built(TASK_PACKAGE, tmp_path_factory.mktemp("task"))
+    source = tmp_path_factory.mktemp("new") / "raise_block"
+    assert main(["task", "new", "--name=raise_block", f"--output={source}"]) == 0
+    task = built(source, tmp_path_factory.mktemp("task"))
     return environment(tmp_path_factory.mktemp("clean"), borrowed, (*wheels.values(), task))
 
 

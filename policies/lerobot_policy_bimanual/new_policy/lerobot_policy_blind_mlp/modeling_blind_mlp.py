@@ -8,12 +8,15 @@ from torch import Tensor, nn
 
 from lerobot_bimanual.dataset.schema import ACTION, EE_POSE, KEYPOSE_STEP, VECTORS
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
-from lerobot_policy_blind_mlp.configuration_blind_mlp import BlindMlpConfig
+
+from .configuration_blind_mlp import BlindMlpConfig
 
 INPUTS = (EE_POSE, KEYPOSE_STEP)
 
 
 class BlindMlpPolicy(PreTrainedPolicy):
+    """Hands and the number of keyposes so far, to the next keypose."""
+
     config_class = BlindMlpConfig
     name = "blind_mlp"
 
@@ -33,6 +36,7 @@ class BlindMlpPolicy(PreTrainedPolicy):
         return self.network(torch.cat([batch[key].reshape(rows, -1) for key in INPUTS], dim=-1))
 
     def forward(self, batch: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
+        """The loss of a batch of the dataset."""
         loss = (self._predict(batch) - batch[ACTION]).abs().mean()
         return loss, {"mean_error": loss.item()}
 
@@ -41,9 +45,11 @@ class BlindMlpPolicy(PreTrainedPolicy):
         return self._predict(batch)
 
     def predict_action_chunk(self, batch: dict[str, Tensor], **kwargs: Any) -> Tensor:
+        """The same as a sequence of one."""
         return self.select_action(batch)[:, None]
 
     def get_optim_params(self) -> list[Tensor]:
+        """What is trained."""
         return list(self.parameters())
 
     def reset(self) -> None:

@@ -9,6 +9,9 @@ from lerobot.optim.optimizers import AdamWConfig
 @PreTrainedConfig.register_subclass("blind_mlp")
 @dataclass
 class BlindMlpConfig(PreTrainedConfig):
+    """Sizes and learning rate."""
+
+    push_to_hub: bool = False
     width: int = 256
     lr: float = 1e-3
     # The labels are metres and unit quaternions, and images are not read: nothing is normalised.
@@ -19,9 +22,11 @@ class BlindMlpConfig(PreTrainedConfig):
     observation_delta_indices = action_delta_indices = reward_delta_indices = None
 
     def get_optimizer_preset(self) -> AdamWConfig:
+        """What LeRobot trains with."""
         return AdamWConfig(lr=self.lr)
 
     def get_scheduler_preset(self) -> None:
+        """The learning rate is constant."""
         return None
 
     def validate_features(self) -> None:

@@ -4,12 +4,9 @@ The right arm takes a block off the table and holds it up, and the left one foll
 this file announces it in the entry-point group `lerobot_bimanual.tasks`, by its name. Once that is installed, every
 command, `--env.task` and Gymnasium know it:
 
-    pip install -e examples/07_own_task
+    pip install --no-build-isolation --no-deps -e .
     lerobot-bimanual expert evaluate --task=raise_block --episodes=20
-    lerobot-bimanual expert evaluate --task=raise_block --episodes=20 --player=open_loop
     lerobot-bimanual dataset generate --task=raise_block --episodes=20 --root=data/raise_block
-
-A task of this repository is the same code in a file of `lerobot_env_bimanual/tasks/`, without an entry point.
 """
 
 from collections.abc import Iterator
@@ -38,8 +35,7 @@ class RaiseBlock(Task):
 
     spec = TaskSpec(
         name="raise_block",
-        id=100,  # part of every seed; the package's own tasks use 0 to 12
-        instructions=("raise the block",),
+        instructions=("raise block",),
         taxonomy=Taxonomy.of("prehensile"),
         props=(BLOCK,),
         success=(Held("block", by=Arm.RIGHT), Above("block", 0.95)),
@@ -47,10 +43,12 @@ class RaiseBlock(Task):
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
+        """Draw where the block stands."""
         scene.place("block", AREA.sample(rng, TABLE_HEIGHT_M + BLOCK.size_m[2] / 2))
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
+        """Take the block by its sides, and lift it."""
         block = scene.pose("block")
         grasp = Pose.looking((*block.position[:2], 0.815), approach=DOWN, opening=block.rotation[:, 1])
         watch = Pose.looking((0.2, 0.2, 1.1), approach=DOWN, opening=(0, 1, 0))

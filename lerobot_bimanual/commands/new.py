@@ -1,0 +1,70 @@
+"""The commands `task new` and `policy new`: a distribution that works, in which every form of its name is replaced."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lerobot_bimanual.distributions import location
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.files import write_file
+from lerobot_bimanual.terminal import say, show_next
+
+
+@dataclass
+class NewConfig:
+    """Flags of the commands."""
+
+    name: str = field(kw_only=True)  # in small letters, digits and underscores, such as stack_cups
+    output: Path | None = None  # new folder; by default one that is called as the distribution, here
+
+
+def task_new(config: NewConfig) -> None:
+    """Write a distribution with a task of your own, which works as it is.
+
+    Its one file has a block, where it stands, an expert that raises it and what counts as success; a test plays the expert.
+    The task's number comes from its name. Once it is installed, every command, Gymnasium and LeRobot know it.
+
+    Examples:
+        lerobot-bimanual task new --name=raise_block
+    """
+    _write("lerobot_env_bimanual", "new_task", "raise_block", config.name, config.output or Path(config.name))
+
+
+def policy_new(config: NewConfig) -> None:
+    """Write a distribution with a policy of your own, which works as it is.
+
+    Its network predicts the next keypose from where the hands are. Config, network and processors are in the files where
+    LeRobot looks for them, a recipe is there for `policy benchmark`, and a test overfits a batch.
+
+    Examples:
+        lerobot-bimanual policy new --name=blind_mlp
+    """
+    folder = config.output or Path(f"lerobot_policy_{config.name}")
+    _write("lerobot_policy_bimanual", "new_policy", "blind_mlp", config.name, folder)
+
+
+def _write(package: str, template: str, old: str, name: str, target: Path) -> None:
+    """Write what is in a folder of a package, with another name, into a new folder."""
+    if not re.fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", name):
+        raise InvalidChoice("name", name, "small letters and digits, with underscores between words")
+    if target.exists():
+        raise BimanualError(f"{target} is there already: choose another --output")
+    source = (location(package) or Path()) / template
+    forms = list(zip(_forms(old), _forms(name), strict=True))
+    for path in sorted(source.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            text = path.read_text(encoding="utf-8")
+            for before, after in forms:
+                text = text.replace(before, after)
+            written = target / str(path.relative_to(source)).replace(old, name)
+            write_file(written, text)
+            say(written)
+    show_next("pip", "install", "--no-build-isolation", "--no-deps", "-e", target)
+
+
+def _forms(name: str) -> tuple[str, str, str]:
+    """A name as identifier, as class and in words."""
+    words = name.split("_")
+    return name, "".join(word.capitalize() for word in words), " ".join(words)
