@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe, RecipeName, option_text, option_value
+from lerobot_bimanual.benchmark.recipes import PROTOCOLS, SUFFIX, Recipe, option_text, option_value, protocol
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
@@ -40,7 +40,9 @@ class BenchmarkConfig:
     # Tasks and suites, this one among them, from whose demonstrations one network learns. Benchmarks of its tasks share it,
     # and its last checkpoint is scored. By default it learns from this task alone.
     trained_on: str = ""
-    recipe: RecipeName = "small"  # file of the policy's training, and the numbers of the protocol
+    # `small` or `paper`, of the training and of the numbers of the protocol; or a file for `lerobot-train`, FILE.yaml, with the
+    # protocol `small`, for any policy that LeRobot knows.
+    recipe: str = "small"
     demos: int | None = None  # demonstrations; by default 100
     image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
     steps: int | None = None  # optimiser steps; by default the recipe's
@@ -84,10 +86,10 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     if trained_on:
         _check_several(config)
         config = replace(config, val_episodes=0)
-    if config.recipe not in PROTOCOLS:
-        raise InvalidChoice("recipe", config.recipe, PROTOCOLS)
+    if config.recipe not in PROTOCOLS and not config.recipe.endswith(SUFFIX):
+        raise InvalidChoice("recipe", config.recipe, [*PROTOCOLS, f"FILE{SUFFIX}"])
     recipe = Recipe.find(config.policy, config.recipe)
-    usual = vars(PROTOCOLS[config.recipe]) | vars(recipe)
+    usual = vars(protocol(config.recipe)) | vars(recipe)
     given = {name: getattr(config, name) for name in NUMBERS}
     numbers = {name: usual[name] if number is None else number for name, number in given.items()}
     training = recipe.options(numbers["image_size"])
@@ -102,7 +104,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         task=config.task,
         variation=variation,
         trained_on=trained_on,
-        recipe=config.recipe,
+        recipe=Path(config.recipe).name.removesuffix(SUFFIX),
         **numbers,
         seed=config.seed,
         first_seed=config.first_seed,

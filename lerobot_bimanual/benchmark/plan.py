@@ -7,7 +7,7 @@ from typing import Any, Literal, Self
 
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, flag_words, resolve
 from lerobot_bimanual.benchmark.pipeline import Command
-from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe
+from lerobot_bimanual.benchmark.recipes import Recipe, protocol
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
 from lerobot_bimanual.results.evaluation import STANDARD, eval_key, perturbed
 
@@ -117,7 +117,7 @@ class Plan:
     def generation(self) -> Command:
         """Record the demonstrations; the splits of the evaluation have other episodes for the same seeds."""
         settings = self.settings
-        fractions = PROTOCOLS[settings.recipe].intermediate if self.recipe.view == "keyframes" else ()
+        fractions = protocol(settings.recipe).intermediate if self.recipe.view == "keyframes" else ()
         options = {
             "task": settings.trained_on or settings.task,
             "variation": settings.variation,

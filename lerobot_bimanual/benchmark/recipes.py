@@ -10,17 +10,16 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import Any, Self, get_args
 
 import yaml
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.distributions import entries, location
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean
 
 GROUP = "lerobot_bimanual.recipes"
-RecipeName = Literal["small", "paper"]
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,12 @@ PROTOCOLS = {
     ),
 }
 """By the name of the recipe; the second is that of the PerAct2 paper."""
+SUFFIX = ".yaml"
+
+
+def protocol(recipe: str) -> Protocol:
+    """The protocol of a recipe, by its name; of a user's own file it is `small`."""
+    return PROTOCOLS.get(recipe, PROTOCOLS["small"])
 
 
 @dataclass(frozen=True)
@@ -74,17 +79,13 @@ class Recipe:
 
     @classmethod
     def find(cls, policy: str, name: str) -> Self:
-        """The recipe of that name for a policy.
+        """The recipe of that name for a policy, or the one in a file.
 
         Raises:
             InvalidChoice: no installed distribution has recipes for the policy, or it has none of that name.
             BimanualError: the file is not YAML, lacks what a benchmark needs, or is of another policy.
         """
-        packages = entries(GROUP)
-        if policy not in packages:
-            raise InvalidChoice("policy", policy, packages)
-        folder = location(packages[policy].value)
-        files = {path.stem: path for path in sorted(folder.glob("recipes/*.yaml"))} if folder else {}
+        files = {name: Path(name)} if name.endswith(SUFFIX) else cls._installed(policy)
         if name not in files:
             raise InvalidChoice(f"recipe for {policy}", name, files)
         try:
@@ -100,6 +101,16 @@ class Recipe:
                 f"{files[name]} trains {type_!r}, but is installed as a recipe for {policy!r}"
             )
         return cls(sections, view, *numbers)
+
+    @staticmethod
+    def _installed(policy: str) -> dict[str, Path]:
+        """Files of the installed recipes for a policy, by name."""
+        packages = entries(GROUP)
+        if policy not in packages:
+            valid = f"{', '.join(packages)}, or another that LeRobot knows, with --recipe=FILE.yaml"
+            raise InvalidChoice("policy", policy, f"{valid}.{did_you_mean(policy, packages)}")
+        folder = location(packages[policy].value)
+        return {path.stem: path for path in sorted(folder.glob(f"recipes/*{SUFFIX}"))} if folder else {}
 
     @property
     def cameras(self) -> tuple[str, ...]:

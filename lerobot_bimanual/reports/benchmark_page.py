@@ -13,6 +13,7 @@ import pandas as pd
 
 from lerobot_bimanual.benchmark.config import beyond_recipe, command, shortest_config
 from lerobot_bimanual.benchmark.recipes import GROUP as RECIPE_GROUP
+from lerobot_bimanual.benchmark.recipes import PROTOCOLS
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.pages import render
@@ -40,7 +41,11 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
     check_comparable(results)
     ordered = sorted(results.items(), key=lambda item: (item[1].eval_key, item[1].policy_id))
     trained = [(path, each) for path, each in ordered if isinstance(each, BenchmarkResult)]
-    installed = [(path, each) for path, each in trained if each.config.policy in entries(RECIPE_GROUP)]
+    installed = [
+        (path, each)
+        for path, each in trained
+        if (each.config.recipe in PROTOCOLS and each.config.policy in entries(RECIPE_GROUP))
+    ]
     commands, beyond = {}, {}
     for path, each in installed:
         try:

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from lerobot_bimanual.benchmark.config import BenchmarkConfig
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
+from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import Recipe, option_text, option_value
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
@@ -298,12 +300,16 @@ def test_the_text_of_a_flag_is_read_as_data_or_kept(text, value):
     assert option_value(option_text(value)) == value
 
 
-def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(install_recipe):
+def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(install_recipe, tmp_path):
     install_recipe("mine")
-    with pytest.raises(InvalidChoice, match=r"policy is 'min', but must be one of: .*mine"):
+    with pytest.raises(InvalidChoice, match=r"policy is 'min', but must be .*mine.*=FILE.yaml"):
         Recipe.find("min", "small")
     with pytest.raises(InvalidChoice, match="recipe for mine is 'large', but must be one of: small"):
         Recipe.find("mine", "large")
+    file = tmp_path / "large.yaml"
+    file.write_text(install_recipe("theirs").read_text().replace("theirs", "smolvla"))
+    plan = Plan.of(BenchmarkConfig(policy="smolvla", recipe=str(file)))
+    assert (plan.settings.recipe, plan.settings.demos) == ("large", 100)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from lerobot_bimanual.benchmark.recipes import PROTOCOLS
 from lerobot_bimanual.commands.demo import DemoConfig
 from lerobot_bimanual.commands.policy_benchmark import policy_benchmark
 
-POLICIES = ("act", "peract2", "peract_independent", "peract_lf", "rvt_lf")
+STOCK = {"act", "diffusion"}
+POLICIES = (*sorted(STOCK), "peract2", "peract_independent", "peract_lf", "rvt_lf")
 
 
 def commands_of(config: BenchmarkConfig) -> list[list[str]]:
@@ -28,19 +29,19 @@ def test_the_commands_of_a_benchmark_are_valid(policy: str, recipe, tmp_path: Pa
     config = BenchmarkConfig(policy=policy, recipe=recipe, device="cpu", output=output)
     commands = commands_of(config)
     assert not output.exists()
-    checkpoints = 10 if recipe == "paper" else 3 if policy == "act" else 2
+    is_stock = policy in STOCK
+    checkpoints = 10 if recipe == "paper" else 3 if is_stock else 2
     programs = [words[0] for words in commands]
     evaluations = ["lerobot-eval"] * (checkpoints + 1)
     assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-bimanual-train"] + evaluations
-    for words in commands[0 if policy == "act" else 3 : 5]:  # other evaluations have the same flags
+    for words in commands[0 if is_stock else 3 : 5]:  # other evaluations have the same flags
         parse(*words)
     splits = [word for words in commands for word in words if word.startswith("--env.split=")]
     assert splits == ["--env.split=val"] * checkpoints + ["--env.split=test"]
     # Demonstrations are shared by the policies of a task, but not by one that needs what is not in them.
-    without_depth = policy == "act"
-    assert ("--depth=false" in commands[0]) == without_depth
-    assert ("--env.obs=rgb" in commands[-1]) == without_depth
-    assert ("_rgb_" in Plan.of(config).dataset.name) == without_depth
+    assert ("--depth=false" in commands[0]) == is_stock
+    assert ("--env.obs=rgb" in commands[-1]) == is_stock
+    assert ("_rgb_" in Plan.of(config).dataset.name) == is_stock
 
 
 def test_the_demo_is_a_benchmark_of_one_checkpoint_with_videos(tmp_path: Path):
@@ -111,7 +112,7 @@ def test_every_policy_has_a_recipe_of_every_size():
         path.parent.name.removeprefix("configuration_") for path in PACKAGES.glob("*/configuration_*.py")
     }
     assert {(path.parts[-3], path.stem) for path in FILES} == {
-        (policy, size) for policy in policies | {"act"} for size in PROTOCOLS
+        (policy, size) for policy in policies | STOCK for size in PROTOCOLS
     }
 
 
