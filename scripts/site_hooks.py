@@ -32,6 +32,8 @@ SOURCES = {
 }
 """Pages from outside docs/, and where they come from."""
 LINK = re.compile(r"\[([^\[\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
+BADGE = re.compile(r"^\[!\[.*\n", re.MULTILINE)
+"""Shown by GitHub; a page that can be read without network has none."""
 TASK = """# {spec.name}
 
 {text}
@@ -74,7 +76,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         there = uris.get(target, target.removeprefix("docs/"))
         return f"[{text}]({posixpath.relpath(there, posixpath.dirname(uri) or '.')}{place})"
 
-    return LINK.sub(moved, markdown)
+    return LINK.sub(moved, BADGE.sub("", markdown))
 
 
 def _task(name: str) -> str:

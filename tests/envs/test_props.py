@@ -5,6 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
@@ -13,6 +14,7 @@ from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan
 from lerobot_env_bimanual.props.fridge import Fridge
 from lerobot_env_bimanual.props.meshes import lathe, slab
+from lerobot_env_bimanual.props.model_file import ModelFile
 from lerobot_env_bimanual.props.plate import Plate
 from lerobot_env_bimanual.props.rope import Rope
 from lerobot_env_bimanual.props.target import Target
@@ -44,6 +46,26 @@ def travel_m(scene: Scene, body: str, force_n: float, ticks: int) -> float:
         scene.tick(scene.commanded)
     push[1] = 0.0
     return float(np.linalg.norm(scene.pose(body).position - start))
+
+
+def test_a_thing_from_a_file_has_its_meshes_and_falls_onto_the_table(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    corners, faces = "v 0 0 0\nv .05 0 0\nv 0 .05 0\nv 0 0 .05\n", "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    (tmp_path / "meshes/cup.obj").write_text(corners + faces)
+    path = tmp_path / "cup.xml"
+    asset = '<compiler meshdir="meshes"/><asset><mesh name="cup" file="cup.obj"/></asset>'
+    body = '<body name="any" pos="1 1 1"><geom type="mesh" mesh="cup" mass="0.1"/></body>'
+    path.write_text(f"<mujoco>{asset}<worldbody>{body}</worldbody></mujoco>")
+    scene = Scene([ModelFile("cup", str(path)), ModelFile("stand", str(path), is_free=False)])
+    scene.place("cup", Pose.upright((0.25, -0.1, TABLE + 0.03)))
+    scene.place("stand", Pose.upright((0.25, 0.2, TABLE)))
+    scene.settle()
+    assert scene.pose("cup").position[2] == pytest.approx(TABLE, abs=2e-3)
+    assert scene.pose("stand").position == pytest.approx((0.25, 0.2, TABLE))
+    path.write_text("<mujoco/>")
+    for broken, message in ((path, "has no body"), (tmp_path / "no.xml", "cannot read")):
+        with pytest.raises(BimanualError, match=message):
+            Scene([ModelFile("cup", str(broken))])
 
 
 def test_a_hundred_and_eighty_newtons_leave_the_box_and_two_hundred_and_twenty_move_it():
