@@ -11,10 +11,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from lerobot_bimanual.cli.flags import BadCommandLine
 from lerobot_bimanual.distributions import location
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean, plain
-from lerobot_bimanual.files import read_json, read_yaml
+from lerobot_bimanual.files import read_json
 
 ALWAYS = ("config_path", "help", "trust_checkpoint")
 OF_CHOICES = ("type", "path", "discover_packages_path")
@@ -76,13 +78,16 @@ def _of_file(place: str) -> dict[str, str]:
         raise BimanualError(
             f"--config_path={place} does not exist: give the path of a config file, such as a recipe"
         )
-    content: Any = (read_json if path.suffix == ".json" else read_yaml)(path)
-    sections = {name: part for name, part in dict(content or {}).items() if isinstance(part, dict)}
+    try:
+        content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))  # JSON is YAML
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise BimanualError(f"--config_path={place} cannot be read: {plain(error)}") from error
+    sections = content if isinstance(content, dict) else {}
     return {
         f"{name}.{key}": str(part[key])
         for name, part in sections.items()
         for key in OF_CHOICES
-        if part.get(key)
+        if isinstance(part, dict) and part.get(key)
     }
 
 
