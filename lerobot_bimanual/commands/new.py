@@ -66,5 +66,4 @@ def _write(package: str, template: str, old: str, name: str, target: Path) -> No
 
 def _forms(name: str) -> tuple[str, str, str]:
     """A name as identifier, as class and in words."""
-    words = name.split("_")
-    return name, "".join(word.capitalize() for word in words), " ".join(words)
+    return name, name.title().replace("_", ""), name.replace("_", " ")

@@ -63,9 +63,8 @@ def test_a_thing_from_a_file_has_its_meshes_and_falls_onto_the_table(tmp_path):
     assert scene.pose("cup").position[2] == pytest.approx(TABLE, abs=2e-3)
     assert scene.pose("stand").position == pytest.approx((0.25, 0.2, TABLE))
     path.write_text("<mujoco/>")
-    for broken, message in ((path, "has no body"), (tmp_path / "no.xml", "cannot read")):
-        with pytest.raises(BimanualError, match=message):
-            Scene([ModelFile("cup", str(broken))])
+    with pytest.raises(BimanualError, match="has no body"):
+        Scene([ModelFile("cup", str(path))])
 
 
 def test_a_hundred_and_eighty_newtons_leave_the_box_and_two_hundred_and_twenty_move_it():

@@ -1,7 +1,5 @@
 """A thing that an MJCF file describes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from lerobot_bimanual.errors import BimanualError
@@ -10,12 +8,12 @@ from lerobot_env_bimanual.gl import mujoco
 
 @dataclass(frozen=True)
 class ModelFile:
-    """The first body of an MJCF file, with its meshes, materials and joints; all names there are prefixed by `name_`.
+    """The first body of an MJCF file, with its meshes, materials and joints; names there are prefixed by `name_`.
 
     Attributes:
         name: of the body in the scene.
         path: of the file; it says in which folder meshes are.
-        is_free: whether the body moves freely; one that stands where it is placed, such as furniture, does not.
+        is_free: whether a body without joints moves freely; one that stands where it is placed, such as furniture, does not.
     """
 
     name: str
@@ -23,15 +21,8 @@ class ModelFile:
     is_free: bool = True
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Attach the body, at the origin.
-
-        Raises:
-            BimanualError: the file cannot be read, or has no body.
-        """
-        try:
-            body = mujoco.MjSpec.from_file(self.path).worldbody.first_body()
-        except ValueError as error:
-            raise BimanualError(f"prop {self.name!r}: MuJoCo cannot read {self.path}: {error}") from error
+        """Attach the body, at the origin."""
+        body = mujoco.MjSpec.from_file(self.path).worldbody.first_body()
         if body is None:
             raise BimanualError(
                 f"prop {self.name!r}: {self.path} has no body: put what it describes into one"
