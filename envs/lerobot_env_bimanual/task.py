@@ -147,18 +147,6 @@ class TaskSpec:
             raise InvalidChoice(f"variation of {self.name}", variation, valid)
         return int(variation)
 
-    def checked_plan(self, plan: int) -> int:
-        """The number of a plan, if the task has it.
-
-        Raises:
-            InvalidChoice: it has not.
-        """
-        if plan not in range(len(self.plans)):
-            raise InvalidChoice(
-                f"plan of {self.name}", plan, [f"{number} ({name})" for number, name in enumerate(self.plans)]
-            )
-        return plan
-
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""
         return tuple(template.format(**variation.words) for template in self.instructions)

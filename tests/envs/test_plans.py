@@ -10,6 +10,8 @@ from planted_failures import evaluation, expert_keyposes, played
 
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM
+from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, settings_of
+from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
 from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts import plans
@@ -81,10 +83,13 @@ def test_a_scene_that_does_not_allow_all_plans_is_not_demonstrated_and_says_whic
     assert all(reason.startswith("plan 'swapped': ") for reason in lacking)
 
 
-def test_a_plan_that_a_task_has_not_is_refused_with_those_that_it_has():
-    assert get_task("push_box").spec.checked_plan(1) == 1
-    with pytest.raises(InvalidChoice, match=r"0 \(one stroke\), 1 \(two strokes\)"):
-        get_task("push_box").spec.checked_plan(2)
+def test_a_plan_that_a_task_has_not_is_refused_with_those_that_it_has(tmp_path):
+    with pytest.raises(InvalidChoice, match=r"plan of push_box is 2.*0 \(one stroke\), 1 \(two strokes\)"):
+        expert_evaluate(ExpertEvaluateConfig(task="push_box", plan=2))
+    with pytest.raises(InvalidChoice, match=r"plan of handover_item is 1.*0 \(usual\)"):
+        expert_evaluate(ExpertEvaluateConfig(task="lift_ball,handover_item", player="mixed"))
+    with pytest.raises(InvalidChoice, match="plans of handover_item is 'several', but must be one of: one"):
+        settings_of(DatasetGenerateConfig(task="handover_item", plans="several", root=tmp_path))
 
 
 @pytest.mark.slow
@@ -106,5 +111,5 @@ def test_a_diagnosis_says_how_often_both_arms_follow_one_plan_in_scenes_that_all
     output = tmp_path / "found.json"
     assert results_diagnose(ResultsDiagnoseConfig(results=path, output=output, workers=1)) == 0
     assert re.search(r"record +2/3 \(.*\) +2 +0, 0: 1; (0, 1|1, 0): 1; 1, 1: 1\n", capsys.readouterr().out)
-    choices = json.loads(output.read_text())["first_choices"][task]
+    choices = json.loads(output.read_text())["first_choices"]
     assert [one["seed"] for one in choices] == allowing[:3]

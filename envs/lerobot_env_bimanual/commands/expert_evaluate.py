@@ -87,7 +87,11 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
     for task in tasks if config.variation != EACH_VARIATION else ():
         get_task(task).spec.variation_index(config.variation)
     for task in tasks:
-        get_task(task).spec.checked_plan(1 if config.player == "mixed" else config.plan)
+        plans, plan = get_task(task).spec.plans, 1 if config.player == "mixed" else config.plan
+        if plan not in range(len(plans)):
+            raise InvalidChoice(
+                f"plan of {task}", plan, [f"{nth} ({name})" for nth, name in enumerate(plans)]
+            )
     _check(config)
     try:
         return _sweep(config, tasks) if config.axes else _evaluate(config, tasks)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -15,7 +14,6 @@ from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.failures.agreement import FirstChoices
     from lerobot_env_bimanual.failures.attribution import Attribution
 
 
@@ -65,9 +63,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
         if config.policy not in policies:
             raise InvalidChoice("policy", config.policy, policies)
         results = [result for result in results if result.policy_id == config.policy]
-    content: dict[str, dict[str, list[dict[str, Any]]]] = {"failures": {}, "first_choices": {}}
+    failures: dict[str, list[dict[str, Any]]] = {}
+    choices: list[dict[str, Any]] = []
     groups: dict[str, list[Attribution]] = {}
-    choices: dict[str, list[FirstChoices]] = {}
     with WorkerPool(config.workers) as pool:
         for result in results:
             result.check_world()
@@ -77,12 +75,11 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             found = attribute_failures(result.record, chosen, pool)
             groups.setdefault(result.name, []).extend(found)
             source = {"file": str(result.path), "policy": result.policy_id, "perturb": result.record.perturb}
+            source["result"] = result.name
             task = result.record.task
-            content["failures"].setdefault(task, []).extend(source | asdict(one) for one in found)
+            failures.setdefault(task, []).extend(source | asdict(one) for one in found)
             if len(get_task(task).spec.plans) > 1:
-                made = first_choices(result.record, pool)
-                choices.setdefault(result.name, []).extend(made)
-                content["first_choices"].setdefault(task, []).extend(source | asdict(one) for one in made)
+                choices += [source | one for one in first_choices(result.record, pool)]
             say(f"{result.path}: {len(episodes)} episodes of {task}, {len(failed)} failed")
             _print_episodes(found)
     for title, kind in (
@@ -93,7 +90,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     if choices:
         _print_agreement(choices)
     if config.output is not None:
-        write_file(config.output, json.dumps(content, indent=1) + "\n")
+        write_file(
+            config.output, json.dumps({"failures": failures, "first_choices": choices}, indent=1) + "\n"
+        )
     show_next("lerobot-bimanual", "results", "report", f"--results={config.results}")
     return 0
 
@@ -123,24 +122,17 @@ def _print_counts(groups: Mapping[str, Sequence[Attribution]], kind: str, title:
     print_table(table.rename_axis("result").reset_index(), title)
 
 
-def _print_agreement(choices: Mapping[str, Sequence[FirstChoices]]) -> None:
+def _print_agreement(choices: Sequence[Mapping[str, Any]]) -> None:
     """Print in how many scenes that allow all plans both arms first followed the same one, and which the arms followed."""
     import pandas as pd
 
     from lerobot_bimanual.results.statistics import SuccessRate
 
     rows: list[dict[str, Any]] = []
-    for name, made in choices.items():
-        pairs = Counter((one.left_plan, one.right_plan) for one in made)
-        agreed = SuccessRate(sum(count for (left, right), count in pairs.items() if left == right), len(made))
-        rows.append(
-            {
-                "result": name,
-                "both arms agree": agreed,
-                "solved": sum(one.success for one in made),
-                "left plan, right plan: episodes": "; ".join(
-                    f"{left}, {right}: {count}" for (left, right), count in sorted(pairs.items())
-                ),
-            }
-        )
+    for name, group in pd.DataFrame(choices).groupby("result", sort=False):
+        agree = SuccessRate(int((group.left_plan == group.right_plan).sum()), len(group))
+        pairs = group.value_counts(["left_plan", "right_plan"], sort=False).to_dict().items()
+        counts = "; ".join(f"{left}, {right}: {count}" for (left, right), count in pairs)
+        solved = group.success.sum()
+        rows.append({"result": name, "both arms agree": agree, "solved": solved, "left, right plan": counts})
     print_table(pd.DataFrame(rows), "First choices where all plans are possible:")

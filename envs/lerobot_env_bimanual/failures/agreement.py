@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,25 +26,12 @@ MIN_APART_M = 0.03
 """Nearer places of two plans are one place."""
 
 
-@dataclass(frozen=True)
-class FirstChoices:
-    """Which plans the arms of one episode followed at first.
+def first_choices(record: EvaluationRecord, pool: WorkerPool) -> list[dict[str, Any]]:
+    """The first choices in those episodes whose scenes allow all plans and in which both arms came to choose, in parallel.
 
-    Attributes:
-        seed: seed of the episode.
-        success: whether it was solved.
-        left_plan: number of the plan that the left arm followed.
-        right_plan: number of the plan that the right arm followed.
+    Returns:
+        Per episode `seed`, `success`, and `left_plan` and `right_plan`, the numbers of the plans that the arms follow.
     """
-
-    seed: int
-    success: bool
-    left_plan: int
-    right_plan: int
-
-
-def first_choices(record: EvaluationRecord, pool: WorkerPool) -> list[FirstChoices]:
-    """The first choices in those episodes whose scenes allow all plans and in which both arms came to choose, in parallel."""
     choices = functools.partial(_choices, record.task, tuple(record.options.items()))
     found = pool.map(choices, record.episodes, f"{record.task}: first choices", "episode")
     return [each for each in found if each is not None]
@@ -73,11 +60,11 @@ def _env(task: str, options: Options) -> BimanualEnv:
     return replay_env(task, dict(options))
 
 
-def _choices(task: str, options: Options, episode: Episode) -> FirstChoices | None:
+def _choices(task: str, options: Options, episode: Episode) -> dict[str, Any] | None:
     env = _env(task, options)
     env.reset(seed=episode.seed, options={"variation": episode.variation})
     actions = [each for each in recorded_actions(episode) if each.size == KEYPOSE_DIM]
     left, right = plans_of_arms(env, [each for each in actions if np.isfinite(each).all()])
     if left is None or right is None or infeasible_plan(env):
         return None
-    return FirstChoices(episode.seed, episode.success, left, right)
+    return {"seed": episode.seed, "success": episode.success, "left_plan": left, "right_plan": right}

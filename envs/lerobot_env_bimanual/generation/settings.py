@@ -19,8 +19,6 @@ from lerobot_env_bimanual.experts.world_version import world_versions
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 from lerobot_env_bimanual.tasks.registry import get_task
 
-type Plans = Literal["one", "several"]
-
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -66,7 +64,7 @@ class GenerationSettings(Record):
     repo_id: Annotated[str, Field(pattern=r"^\w[\w. -]*(/\w[\w. -]*)?$")]
     perturb: str = ""
     setting: Literal["standard", "varied"] = "standard"
-    plans: Annotated[Plans, Field(exclude_if=lambda plans: plans == "one")] = "one"
+    plans: Annotated[Literal["one", "several"], Field(exclude_if=lambda plans: plans == "one")] = "one"
 
     @model_validator(mode="after")
     def _exist(self) -> Self:

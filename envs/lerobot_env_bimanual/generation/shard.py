@@ -47,13 +47,9 @@ def record_shard(job: Job) -> int:
             writers: list[ViewWriter] = []
             for candidate in shard.candidates:
                 try:
+                    how = settings.discretise, settings.plans == "several"
                     outcome, episode = recorder.record(
-                        candidate.task,
-                        options,
-                        candidate.seed,
-                        candidate.variation,
-                        settings.discretise,
-                        settings.plans == "several",
+                        candidate.task, options, candidate.seed, candidate.variation, *how
                     )
                     unmet = ", ".join(outcome.unmet) or "none"
                     reason = f"{outcome.failure}, at {outcome.last_move!r}; unmet: {unmet}"
