@@ -90,7 +90,8 @@ class SweepToDustpan(Task):
         varied=tuple((STAND, broom, PAN, *CRUMBS) for broom in VARIED_BROOMS),
         success=(
             *(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
-            Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)), Near(PAN.name, MAX_SHIFT_M))),
+            Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)),)),
+            Always((Near(PAN.name, MAX_SHIFT_M),)),
         ),
         horizon_ticks=360,
     )
