@@ -22,7 +22,7 @@ from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Script
 
-MAX_TRIES = 6
+MAX_TRIES = 8
 """Ways that are tried in a copy of the episode."""
 DOES_IT = (("pick_laptop", "left"), ("put_item_in_drawer", "right"), ("take_tray_out_of_oven", "left"))
 """Tasks that one arm can do, and one that does."""
