@@ -2,12 +2,11 @@
 
 import math
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 PROCESS, GROUPS = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
-MEMORY, SHARED_MEMORY = Path("/proc/meminfo"), Path("/dev/shm")
+MEMORY = Path("/proc/meminfo")
 MEMORY_FILES = (
     ("memory.max", "memory.current", "inactive_file"),
     ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
@@ -15,8 +14,6 @@ MEMORY_FILES = (
 """Limit and usage, and what of it are files that the system drops first; of cgroups v2 and v1."""
 WORKER_BYTES = 9 * 10**8
 """Memory of a process that simulates and draws: 0.76 to 0.96 GB were measured."""
-ENOUGH_SHARED_BYTES = 2**30
-"""Four loader processes with two batches each of eight rows with five RGB-D images of 256 pixels take 0.34 GB."""
 
 
 def usable_cores() -> int:
@@ -43,16 +40,6 @@ def usable_memory() -> int:
 def worker_count(asked: int) -> int:
     """Worker processes: as many as asked for; for 0 one per usable core, if the memory is enough for so many."""
     return asked or max(1, min(usable_cores(), usable_memory() // WORKER_BYTES))
-
-
-def shared_memory_problem() -> str:
-    """What is wrong with the shared memory through which loader processes pass batches; "" if nothing is."""
-    if not SHARED_MEMORY.is_dir() or (free := shutil.disk_usage(SHARED_MEMORY).free) >= ENOUGH_SHARED_BYTES:
-        return ""
-    return (
-        f"{SHARED_MEMORY} has {free / 1e6:.0f} MB, too few for the batches of loader processes: `docker run --shm-size=4g`, "
-        "or `lerobot-train --num_workers=0`, or `lerobot-bimanual-train`, which needs none"
-    )
 
 
 def _groups(controller: str) -> Iterator[Path]:

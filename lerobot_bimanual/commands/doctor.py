@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import NamedTuple
 
-from lerobot_bimanual.resources import shared_memory_problem, usable_cores, usable_memory
+from lerobot_bimanual.resources import usable_cores, usable_memory
 from lerobot_bimanual.terminal import show_next
 
 CORE, PLUGINS = (
@@ -48,7 +48,7 @@ class DoctorConfig:
 def doctor(config: DoctorConfig) -> int:
     """Check this machine and say how to mend what is missing.
 
-    Checks Python, package versions, off-screen OpenGL, video decoding, GPU and disk.
+    Checks Python, package versions, off-screen OpenGL, GPU and disk.
     Exits with 1 if something that the project cannot work without is missing.
 
     Examples:
@@ -58,7 +58,7 @@ def doctor(config: DoctorConfig) -> int:
     from rich.text import Text
 
     console, findings = Console(), []
-    for check in (check_packages, check_machine, check_gl, check_video):
+    for check in (check_packages, check_machine, check_gl):
         try:
             found = [*check()]
         except Exception as error:  # a broken installation may break one check in any way, but not the others
@@ -108,11 +108,9 @@ def check_packages() -> Iterator[Finding]:
 
 
 def check_machine() -> Iterator[Finding]:
-    """What this process may use: cores, memory, shared memory, disk, and a CUDA device for training at full size."""
+    """What this process may use: cores, memory, disk, and a CUDA device for training at full size."""
     free = f"{usable_memory() / 1e9:.0f} GB memory free, {shutil.disk_usage('.').free / 1e9:.0f} GB free here"
     yield Finding("machine", "info", f"{usable_cores()} cores, {free}")
-    if problem := shared_memory_problem():
-        yield Finding("shared memory", "warn", *problem.split(": ", 1))
     if _version("torch") is None:
         return
     import torch
@@ -137,19 +135,6 @@ def check_gl() -> Iterator[Finding]:
         yield Finding("OpenGL", "ok", child.stdout.strip())
         return
     yield Finding("OpenGL", "fail", problem.removeprefix("lerobot_env_bimanual.gl.MissingGL: "))
-
-
-def check_video() -> Iterator[Finding]:
-    """The decoder of dataset videos, where LeRobot is installed: torchcodec with FFmpeg's libraries, else PyAV."""
-    if _version("lerobot") is None:
-        return
-    try:
-        import torchcodec.decoders  # noqa: F401
-    except (ImportError, RuntimeError, OSError):
-        detail = "torchcodec cannot load FFmpeg; datasets are decoded by PyAV, slower"
-        yield Finding("video", "info", detail, "optional: sudo apt-get install ffmpeg")
-    else:
-        yield Finding("video", "ok", f"torchcodec {metadata.version('torchcodec')} with FFmpeg")
 
 
 def _version(package: str) -> str | None:

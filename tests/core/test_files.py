@@ -1,13 +1,10 @@
 """What has its final name is on the disk; cores and memory are those that a process may use, in containers, too."""
 
 import os
-import re
-import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -128,10 +125,3 @@ def test_cores_and_memory_are_within_affinity_and_control_groups(
         (tmp_path / name).write_text(text)
     assert (resources.usable_cores(), resources.usable_memory()) == (cores, memory)
     assert (resources.worker_count(0), resources.worker_count(9)) == (1, 9)  # there is memory for none
-
-
-def test_small_shared_memory_is_said_with_the_way_out(tmp_path, monkeypatch):
-    monkeypatch.setattr(resources, "SHARED_MEMORY", tmp_path)
-    for free, complaint in ((64 * 10**6, "has 64 MB, too few .*--shm-size.*--num_workers=0"), (2**31, "^$")):
-        monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: SimpleNamespace(free=free))
-        assert re.search(complaint, resources.shared_memory_problem())

@@ -35,10 +35,6 @@ from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePoli
 MAX_JSON_BYTES = 2**24
 SAFE_POLICIES = {"act", "diffusion", "tdmpc", "vqbet"}
 """Policies of LeRobot that load nothing by name, but weights of torchvision's ResNets."""
-RESNETS = {
-    "vision_backbone": re.compile(r"resnet\d{2,3}"),
-    "pretrained_backbone_weights": re.compile(r"ResNet\d{2,3}_Weights\.\w{1,30}"),
-}
 LOADED = re.compile("name|path|repo|model|tokenizer|variant|encoder")
 """In the name of an option whose value may be looked up."""
 WEIGHTS_FILE = "model.safetensors"
@@ -96,9 +92,7 @@ def read_config(folder: Path) -> PreTrainedConfig:
     kind = PreTrainedConfig.get_known_choices().get(name)
     if kind is None or not (name in SAFE_POLICIES or issubclass(kind, KeyposePolicyConfig)):
         raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text(_looked_up(values)))
-    named = {key: values[key] for key, known in RESNETS.items() if not _is_absent_or(known, values.get(key))}
-    if values.get("language_encoder", LEARNED_LANGUAGE) != LEARNED_LANGUAGE:
-        named["language_encoder"] = values["language_encoder"]
+    encoder = values.get("language_encoder", LEARNED_LANGUAGE)
     try:
         for side in ("input_features", "output_features"):
             for feature in (values.get(side) or {}).values():
@@ -109,18 +103,14 @@ def read_config(folder: Path) -> PreTrainedConfig:
         raise CheckpointError(f"{file}: {plain(' '.join(str(error.__cause__ or error).split()))}") from error
     if config.use_peft:
         raise CheckpointError(f"{file}: use_peft is true, but adapters cannot be checked")
-    if named:
-        raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text(named))
+    if encoder != LEARNED_LANGUAGE:
+        raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text({"language_encoder": encoder}))
     return config
 
 
 def _looked_up(values: dict[str, Any]) -> dict[str, Any]:
     """The options whose texts a policy that is not known may look up."""
     return {key: value for key, value in values.items() if isinstance(value, str) and LOADED.search(key)}
-
-
-def _is_absent_or(known: re.Pattern[str], value: object) -> bool:
-    return value is None or bool(isinstance(value, str) and known.fullmatch(value))
 
 
 def _read(file: Path) -> Any:
