@@ -17,12 +17,12 @@ from lerobot_bimanual.geometry.pinhole import project, unproject
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual import gl
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.observations import calibration
 from lerobot_env_bimanual.gl import MissingGL, mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.rendering.film import frame_of
 from lerobot_env_bimanual.world.appearance import applied
-from lerobot_env_bimanual.world.cameras import calibration
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.textures import boards, plaster

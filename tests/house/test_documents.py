@@ -79,7 +79,7 @@ def test_the_table_of_options_is_that_of_the_environment() -> None:
 
 
 def test_the_table_of_cameras_is_the_scene() -> None:
-    from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
+    from lerobot_env_bimanual.world.arena import FIXED_CAMERAS
 
     text = (ROOT / "docs/environment.md").read_text()
     for name, (*ends, fovy_deg) in FIXED_CAMERAS.items():

@@ -15,17 +15,22 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.geometry.pinhole import intrinsics_from_fovy
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.world.cameras import calibration
+from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 PIXELS = "pixels"
 FRAME_CAMERA = "front"
 FRAME_SIZE = (480, 640)
+OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
+"""MuJoCo's camera axes (x right, y up, z backward) as columns in OpenCV's (x right, y down, z forward)."""
 
 type Images = Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]
 """Camera -> RGB (H, W, 3) and depth (H, W) in metres along the optical axis, 0 where none was measured."""
@@ -153,3 +158,27 @@ class ObservationRenderer:
             if renderer is not None:
                 renderer.close()
         self._cameras = self._frame_camera = None
+
+
+def calibration(view: SceneView, height: int, width: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Calibration of the five cameras: where they are now, as far as known, and how they project.
+
+    Args:
+        view: the scene.
+        height: of the images, pixels.
+        width: of the images, pixels.
+
+    Returns:
+        Extrinsics (80,) float32: world_T_camera of every camera of `CAMERA_NAMES`, row-major 4x4, OpenCV axes.
+        Intrinsics (45,) float32: their row-major 3x3 pinhole matrices in pixels.
+    """
+    extrinsics = np.zeros((len(CAMERA_NAMES), 4, 4))
+    intrinsics = np.empty((len(CAMERA_NAMES), 3, 3))
+    with applied(view.model, view.data, view.appearance.calibration):
+        for index, name in enumerate(CAMERA_NAMES):
+            camera = view.model.camera(name).id
+            extrinsics[index, :3, :3] = view.data.cam_xmat[camera].reshape(3, 3) @ OPENCV_FROM_OPENGL
+            extrinsics[index, :3, 3] = view.data.cam_xpos[camera]
+            extrinsics[index, 3, 3] = 1
+            intrinsics[index] = intrinsics_from_fovy(np.deg2rad(view.model.cam_fovy[camera]), height, width)
+    return extrinsics.astype(np.float32).ravel(), intrinsics.astype(np.float32).ravel()

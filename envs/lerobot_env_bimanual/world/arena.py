@@ -18,7 +18,6 @@ from lerobot_env_bimanual.props.prop import (
     draw_box,
 )
 from lerobot_env_bimanual.robots.panda_pair import ArmPair
-from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 from lerobot_env_bimanual.world.textures import add_material, boards, plaster
 
 PHYSICS_STEP_S = 0.002
@@ -44,6 +43,19 @@ CEILING = (0.92, 0.92, 0.90, 1)
 LEG_GREY = (0.35, 0.36, 0.38, 1)
 
 KEY_LIGHT_POSITION_M = (-0.3, -1.7, 3.1)
+
+# The arms stand on the x axis and look at each other; furniture stands on the far side (+y) and opens towards the near
+# one and the left, drawers open towards the far one. The front camera looks from the near side and shows both hands at
+# home. The other two look past the arms' shoulders at the table alone, so that things on it are larger: the left one from
+# the far side, low, and the right one from the near side, high, which keeps the backs of furniture out of the way. Of some
+# 200 places on a hemisphere these show most of what the experts' hands go to.
+FIXED_CAMERAS = {
+    "front": ((-0.60, -1.52, 1.65), (0.29, -0.04, 1.04), 38.0),
+    "left_shoulder": ((-0.70, 0.93, 1.48), (0.24, 0.03, 0.80), 44.0),
+    "right_shoulder": ((0.80, -0.97, 2.41), (0.25, -0.06, 0.84), 32.5),
+}
+"""Where each camera of the room is, the point in the middle of its image, both (3,) m in the world, and its vertical field of view
+in degrees."""
 
 NEAR_M = 0.01
 FAR_M = 10.0
