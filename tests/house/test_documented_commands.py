@@ -9,8 +9,6 @@ import pytest
 from documents import DOCUMENTS, ROOT, commands, parse
 from programs import run
 
-from lerobot_bimanual.cli.lerobot_flags import check_flags
-
 ALL = list(commands(*DOCUMENTS, *sorted(ROOT.glob("examples/*.sh"))))
 PYTHON_BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
@@ -35,12 +33,6 @@ FURTHER = {
     "policy benchmark": (*BENCHMARK, "--eval_flags=--eval.batch_size=1", "--device=cpu"),
 }
 """Flags that are added unless they are given, by program or command."""
-
-
-PROGRAMS = [
-    ("(bimanual-)?train", "lerobot.configs.train", "TrainPipelineConfig"),
-    ("(bimanual-)?eval", "lerobot.configs.eval", "EvalPipelineConfig"),
-]
 
 
 def words_after(program: str) -> list[list[str]]:
@@ -72,13 +64,6 @@ def test_the_commands_of_our_and_lerobots_programs_parse(program, monkeypatch):
         if not parsed.issuperset(flags):
             parse(program, *flags)
             parsed |= {*flags}
-
-
-@pytest.mark.parametrize(("program", "module", "name"), PROGRAMS)
-def test_flags_are_known_before_lerobot_is_imported(program, module, name, monkeypatch):
-    monkeypatch.chdir(ROOT)
-    for flags in words_after(program):
-        check_flags([flag for flag in flags if not flag.startswith("--policy.path=")], module, name)
 
 
 def test_make_knows_every_target_that_is_named() -> None:
