@@ -28,7 +28,8 @@ def parse(program: str, *flags: str) -> Any:
         name, rest = cli.find_command(flags)
         return parse_flags(cli.config_type_of(cli.find_commands()[name].load()), rest)
     if program == "lerobot-bimanual-eval":
-        flags = ("--env.type=bimanual", *flags)
+        # The page about a task of one's own plays one that is not installed here.
+        flags = ("--env.type=bimanual", *(flag.replace("=raise_block", "=lift_ball") for flag in flags))
     if any(flag.startswith("--policy.path=") for flag in flags):
         # LeRobot reads the policy's config from there and applies the other --policy flags to it.
         flags = tuple(flag for flag in flags if not flag.startswith(("--policy.", "--trust_")))
