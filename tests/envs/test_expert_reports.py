@@ -76,7 +76,7 @@ def test_baselines_must_fail():
     for player, task, solved in (
         ("noop", "lift_ball", 1),
         ("random", "lift_ball", 1),
-        ("open_loop", "lift_ball", 11),
+        ("open_loop", "lift_ball", 6),
     ):
         few, many = (outcomes(n, 50 - n, task=task) for n in (solved - 1, solved))
         assert violations(player, "test", False, few) == []

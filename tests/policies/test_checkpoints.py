@@ -18,6 +18,7 @@ from lerobot.processor import ProcessorStepRegistry
 from safetensors.torch import load_file, save_file
 
 from lerobot_bimanual import cli
+from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual.checkpoint.check import SAFE_POLICIES, check_checkpoint
 from lerobot_policy_bimanual.checkpoint.steps import SAFE_STEPS, NotSafeToSay, step_names
 from lerobot_policy_bimanual.errors import CheckpointError
@@ -131,7 +132,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
 @pytest.mark.parametrize(("damage", "message"), DAMAGES.values(), ids=DAMAGES)
 def test_what_is_wrong_with_a_checkpoint_is_named_in_one_line(checkpoint, damage, message, capsys):
     damage(checkpoint)
-    with pytest.raises(CheckpointError, match=message):
+    with pytest.raises(BimanualError, match=message):
         load_policy(checkpoint)
     code = cli.main(["policy", "check", f"--checkpoint={checkpoint}"])
     output = capsys.readouterr()

@@ -32,8 +32,9 @@ MIN_DISCRETISED_RATE = 0.97
 MAX_RATES: dict[PlayerName, float] = {
     "noop": 0.0,
     "random": 0.0,
-    "open_loop": 0.20,
+    "open_loop": 0.10,
     "nearest": 1.0,
+    "mixed": 1.0,
     "language_ablated": 1.0,
 }
 """Highest success rate of a baseline; with 1 it is measured and not limited."""
