@@ -80,7 +80,10 @@ class Programs:
 
     def _report(self, path: Path, player: str) -> None:
         episodes = [
-            EpisodeOutcome.of(**{"ticks": 7} | episode.model_dump(exclude_none=True), task="lift_ball")
+            EpisodeOutcome.of(
+                **{"ticks": 7} | episode.model_dump(exclude_none=True) | {"variation": -episode.seed % 3},
+                task="lift_ball",
+            )
             for episode in reported(OUTCOMES[player])
         ]
         ExpertReport.of(
