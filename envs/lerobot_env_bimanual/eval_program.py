@@ -42,13 +42,12 @@ def _check(values: Mapping[str, str]) -> None:
         resolve_tasks(given.get("task", "push_box"))
 
 
-def _evaluate() -> None:
-    from lerobot.configs import parser
+def _evaluate(values: Mapping[str, str]) -> None:
     from lerobot.scripts import lerobot_eval
 
     import lerobot_env_bimanual.configuration_bimanual  # noqa: F401  registers the type: the package came before LeRobot
     from lerobot_env_bimanual.sweep.checkpoint import require_safe
 
-    if TRUST_FLAG not in sys.orig_argv and (path := parser.get_path_arg("policy")):
-        require_safe(Path(path))
+    if TRUST_FLAG not in sys.orig_argv and "help" not in values:
+        require_safe(Path(values["policy.path"]))  # of the command line or of the file `--config_path`
     lerobot_eval.main()

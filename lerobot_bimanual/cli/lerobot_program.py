@@ -54,7 +54,7 @@ def run_program(
     program: str,
     config: tuple[str, str],
     check: Callable[[Mapping[str, str]], None],
-    work: Callable[[], object],
+    work: Callable[[Mapping[str, str]], object],
     progress: bool,
 ) -> int:
     """Run a program with the flags of this process; returns its exit code.
@@ -63,7 +63,7 @@ def run_program(
         program: its name.
         config: module and class of LeRobot's config of its flags.
         check: checks the values of flags by name before LeRobot is imported.
-        work: imports LeRobot and does the work.
+        work: imports LeRobot and does the work; it gets the same values.
         progress: whether LeRobot's bars and reports are shown, not only ours.
     """
 
@@ -82,14 +82,14 @@ def run_program(
             print(f"{program}: importing LeRobot", file=sys.stderr)
         sys.argv = [sys.argv[0], *(word for word in words if word != TRUST_FLAG)]
         if "help" in values:
-            work()
+            work(values)
             return 0
         shown: list[Any] = [Filtered(stream, progress) for stream in (sys.stdout, sys.stderr)]
         if not progress:
             _report_ours(Filtered(sys.stderr, progress=True))
         try:
             with redirect_stdout(shown[0]), redirect_stderr(shown[1]):
-                work()
+                work(values)
         except BimanualError:
             raise
         except Exception as error:

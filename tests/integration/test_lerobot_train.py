@@ -181,20 +181,23 @@ def test_lerobots_diffusion_is_trained_by_its_recipe_and_evaluated(room):
     assert evaluate("diffusion", room, "--env.obs=rgb")["n_episodes"] == 1
 
 
+@pytest.mark.parametrize("in_a_file", [False, True])
 @pytest.mark.parametrize(
     ("change", "said"),
     [({"type": "smolvla"}, "not safe to say"), ({"type": "peract3"}, "Did you mean 'peract2'?")],
 )
-def test_our_evaluation_refuses_a_strangers_checkpoint_on_one_line(change, said, tmp_path):
+def test_our_evaluation_refuses_a_strangers_checkpoint_on_one_line(change, said, in_a_file, tmp_path):
     folder = Path(shutil.copytree(SHIPPED, tmp_path / "strange"))
     config = json.loads((folder / "config.json").read_text()) | change
     (folder / "config.json").write_text(json.dumps(config))
     words = (
         "lerobot-bimanual-eval",
-        f"--policy.path={folder}",
+        "--config_path=eval.yaml" if in_a_file else f"--policy.path={folder}",
+        "--env.type=bimanual",
         "--env.task=lift_ball",
         "--eval.batch_size=1",
     )
+    (tmp_path / "eval.yaml").write_text(json.dumps({"policy": {"path": str(folder)}}))
     told = run(*words, folder=tmp_path, fails=True).splitlines()
     assert said in told[-1]
     assert len(told) <= 2

@@ -229,7 +229,7 @@ class Layout:
         )
 
     def distance_m(self, other: Layout) -> float:
-        """How unlike two layouts are: the root of the summed squares of all shifts, turns and differences in size."""
+        """Distance of two layouts: the root of the summed squares of all differences in position, rotation and size."""
         if len(self.positions_m) != len(other.positions_m):
             return np.inf
         cosines = np.abs((self.quats_wxyz * other.quats_wxyz).sum(axis=1)).clip(max=1.0)

@@ -1,4 +1,4 @@
-"""The environment as `gymnasium.make` gives it: with LeRobot's keys, or with a record of its episodes, where that is asked for."""
+"""The environment as `gymnasium.make` returns it; options give it LeRobot's keys and a record of its episodes."""
 
 from __future__ import annotations
 

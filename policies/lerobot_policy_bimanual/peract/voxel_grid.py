@@ -60,12 +60,12 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
 
 
 def with_goal(grid: Tensor, voxel: Tensor) -> Tensor:
-    """A grid (b, c, v, v, v) and, behind its channels, one that is 1 at voxels (b, 3) and falls off around them."""
+    """Append a channel to a grid (b, c, v, v, v): 1 at the voxels (b, 3), less around them."""
     x, y, z = near(voxel, grid.shape[-1]).to(grid.dtype).unbind(1)
     mark = x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]
     return torch.cat([grid, mark[:, None]], dim=1)
 
 
 def with_quadratic_features(grid: Tensor) -> Tensor:
-    """A grid (b, c, v, v, v) and, behind its channels, the squares of `QUADRATIC`: (b, c + 6, v, v, v)."""
+    """Append the squares of the channels `QUADRATIC` to a grid (b, c, v, v, v): (b, c + 6, v, v, v)."""
     return torch.cat([grid, grid[:, QUADRATIC].square()], dim=1)

@@ -27,7 +27,7 @@ def _check(values: Mapping[str, str]) -> None:
         check_dataset(Path(root))
 
 
-def _train() -> None:
+def _train(_: Mapping[str, str]) -> None:
     keep_freed_memory()
     from lerobot.utils.import_utils import register_third_party_plugins
 
