@@ -23,7 +23,9 @@ def commands_of(config: BenchmarkConfig) -> list[list[str]]:
     return [command.words for command in plan.commands(plan.settings.steps)]
 
 
-@pytest.mark.parametrize(("policy", "recipe"), [*((each, "small") for each in POLICIES), ("act", "paper")])
+@pytest.mark.parametrize(
+    ("policy", "recipe"), [*((each, "small") for each in POLICIES), ("act", "paper"), ("rvt_lf", "paper")]
+)
 def test_the_commands_of_a_benchmark_are_valid(policy: str, recipe, tmp_path: Path):
     output = tmp_path / "a folder"
     config = BenchmarkConfig(policy=policy, recipe=recipe, device="cpu", output=output)
