@@ -1,4 +1,4 @@
-"""Write the tables of results, tasks and perturbations into README.md, docs/training.md and docs/robustness.md.
+"""Write the tables of results, tasks and perturbations into README.md and pages of the docs.
 
 Each table is between two comments of its page. Usage: tables.py
 """
@@ -11,10 +11,13 @@ import pandas as pd
 
 from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.reports.benchmark_page import ABSENT, read_results, results_table
+from lerobot_bimanual.results.episode import success_rate
 from lerobot_env_bimanual.registry import AXES
+from lerobot_env_bimanual.reports.expert_tables import PAPER
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 ROOT = Path(__file__).parents[1]
+LEADERBOARD = ROOT / "results/leaderboard"
 COLUMNS = {
     "act": "ACT",
     "rvt_lf": "RVT-LF",
@@ -45,10 +48,9 @@ def with_table(page: str, name: str) -> str:
 
 def _results() -> str:
     """Percent of episodes solved by each policy and by the open-loop baseline, over all trainings, and means over tasks."""
-    folder = ROOT / "results/leaderboard"
-    if not folder.is_dir():
+    if not LEADERBOARD.is_dir():
         return NO_RESULTS
-    rates = results_table(read_results(folder).values())
+    rates = results_table(read_results(LEADERBOARD).values())
     rates["percent"] = [100 * rate.rate for rate in rates.rate]
     scored: Any = rates.pivot_table("percent", "task", "policy")
     shown = scored[[name for name in COLUMNS if name in scored]].rename(columns=COLUMNS)
@@ -62,6 +64,23 @@ def _results() -> str:
         *shown.reset_index().to_numpy().tolist(),
     ]
     return "\n".join(f"|{'|'.join(line)}|" for line in lines)  # without the padding of `markdown_table`
+
+
+def _beside_the_paper() -> str:
+    """Percent of episodes that the paper's policies solved, and the one network of all tasks here, and means over tasks."""
+    if not LEADERBOARD.is_dir():
+        return NO_RESULTS
+    paper = pd.DataFrame({task: row["solved_percent"] for task, row in PAPER.items()}).T.rename(
+        columns=COLUMNS
+    )
+    here = {
+        result.eval_key: 100 * success_rate(result.episodes).rate
+        for result in read_results(LEADERBOARD).values()
+        if result.policy_id == "peract2_on_all"
+    }
+    paper["here: one for all"] = pd.Series(here)
+    paper.loc["mean"] = paper.mean()
+    return markdown_table(paper.map("{:.3g}".format).rename_axis("task").reset_index())
 
 
 def _tasks() -> str:
@@ -90,6 +109,7 @@ def _axes() -> str:
 
 TABLES = {
     "results": ("README.md", _results),
+    "paper": ("docs/comparison.md", _beside_the_paper),
     "tasks": ("docs/training.md", _tasks),
     "axes": ("docs/robustness.md", _axes),
 }
