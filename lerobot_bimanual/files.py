@@ -15,10 +15,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, plain
 
 MAX_BYTES = 2**26
 """Larger than any result or config; a larger file is not read."""
+MAX_YAML_BYTES = 2**16
+"""Of a YAML file, whose reader is slow."""
 
 
 class UnwritableOutput(BimanualError):
@@ -178,6 +180,23 @@ def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
         return json.loads(read_file(path, max_bytes))
     except (ValueError, RecursionError, BimanualError) as error:
         raise BimanualError(f"{path}: {error}") from error
+
+
+def read_yaml(path: Path) -> Any:
+    """The value in a YAML or JSON file without aliases, by which a few lines stand for more than any memory holds.
+
+    Raises:
+        BimanualError: the file cannot be read, is not YAML, is too deep, or has an alias; the message names it.
+    """
+    import yaml
+
+    try:
+        content = read_file(path, MAX_YAML_BYTES)
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(content, yaml.SafeLoader)):
+            raise BimanualError("it has an alias (*name), but must write each part out")
+        return yaml.safe_load(content)
+    except (ValueError, RecursionError, yaml.YAMLError, BimanualError) as error:
+        raise BimanualError(f"{path}: {plain(error)}") from error
 
 
 def bring_to_disk(path: str | Path) -> None:

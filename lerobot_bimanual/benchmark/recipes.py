@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, get_args
 
-import yaml
-
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.distributions import entries, location
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean
+from lerobot_bimanual.files import read_yaml
 
 GROUP = "lerobot_bimanual.recipes"
 
@@ -89,10 +88,10 @@ class Recipe:
         if name not in files:
             raise InvalidChoice(f"recipe for {policy}", name, files)
         try:
-            sections = yaml.safe_load(files[name].read_text(encoding="utf-8"))
+            sections = read_yaml(files[name])
             view, type_ = Path(sections["dataset"]["root"]).name, sections["policy"]["type"]
             numbers = [int(sections[each]) for each in ("steps", "batch_size", "save_freq")]
-        except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
+        except (ValueError, TypeError, KeyError, BimanualError) as error:
             raise BimanualError(f"{files[name]} is not a recipe of a benchmark: {error!r}") from error
         if view not in schema.VIEWS:
             raise InvalidChoice(f"last folder of dataset.root in {files[name]}", view, get_args(schema.View))

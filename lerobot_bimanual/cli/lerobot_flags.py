@@ -9,14 +9,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from lerobot_bimanual.cli.flags import BadCommandLine
 from lerobot_bimanual.distributions import location
-from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean, plain
-from lerobot_bimanual.files import read_json
+from lerobot_bimanual.errors import InvalidChoice, did_you_mean, plain
+from lerobot_bimanual.files import read_json, read_yaml
 
 ALWAYS = ("config_path", "help", "trust_checkpoint")
 OF_CHOICES = ("type", "path", "discover_packages_path")
@@ -45,7 +42,7 @@ def check_flags(words: Sequence[str], module: str, name: str) -> dict[str, str]:
     Raises:
         BadCommandLine: a flag is unknown.
         InvalidChoice: there is no such kind of policy or environment.
-        BimanualError: there is no such config file.
+        BimanualError: its config file cannot be read.
     """
     given = dict(_assignments(words))
     values = _of_file(given.get("config_path", "")) | given
@@ -74,14 +71,7 @@ def _of_file(place: str) -> dict[str, str]:
     path = Path(place)
     if path.suffix not in (".yaml", ".yml", ".json"):
         return {}
-    if not path.is_file():
-        raise BimanualError(
-            f"--config_path={place} does not exist: give the path of a config file, such as a recipe"
-        )
-    try:
-        content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))  # JSON is YAML
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise BimanualError(f"--config_path={place} cannot be read: {plain(error)}") from error
+    content = read_yaml(path)
     sections = content if isinstance(content, dict) else {}
     return {
         f"{name}.{key}": str(part[key])

@@ -79,6 +79,8 @@ class ImageReader:
             pixel_format, kind = ("rgb24", np.uint8) if millimetres is None else ("gray12le", np.uint16)
             first, end = (round(entry[f"videos/{key}/{time}"] * self._fps) for time in SPAN)
             with av.open(str(path), format="mp4") as container:  # no playlist, which leads elsewhere
+                if len(container.streams) != 1:  # readers choose differently among several
+                    raise ValueError(f"it has {len(container.streams)} streams, but must have one")
                 stream = container.streams.video[0]
                 _check_size(f"{key} in {path}", (stream.height, stream.width), self.shapes[key])
                 assert stream.time_base is not None

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual import resources
-from lerobot_bimanual.files import move_durably, share_files, write_file
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import MAX_YAML_BYTES, move_durably, read_yaml, share_files, write_file
 
 KILLED_WHILE_WRITING = """
 import os, sys
@@ -85,6 +86,23 @@ def test_files_are_shared_as_the_umask_says(tmp_path) -> None:
     finally:
         os.umask(before)
     assert [path.stat().st_mode & 0o777 for path in (own, other)] == [0o640, 0o600]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("a: &a [x, x]\nb: &b [*a, *a]\ntype: [*b, *b]", "has an alias"),
+        ("[" * 10_000 + "]" * 10_000, "recursion"),
+        (" " * (MAX_YAML_BYTES + 1), "exceeds the limit"),
+        ("!!python/object/apply:os.getpid []", "constructor"),
+        ("a: [\x1b", "special characters"),
+    ],
+)
+def test_a_yaml_file_runs_nothing_and_stands_for_no_more_than_it_holds(content, said, tmp_path):
+    (tmp_path / "config.yaml").write_text(content)
+    with pytest.raises(BimanualError, match=f"config.yaml: .*{said}") as error:
+        read_yaml(tmp_path / "config.yaml")
+    assert str(error.value).isprintable()
 
 
 V2 = {"job/cpu.max": "150000 100000", "job/memory.max": "3000", "job/memory.current": "2500"}

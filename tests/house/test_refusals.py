@@ -23,6 +23,7 @@ REFUSED = {
         "task=wash_dishes": "task is 'wash_dishes', but must be one of: ",
         "variation=9": "variation of lift_ball is 9",
         "cameras=rear": "left_shoulder",
+        "cameras=front,front": "none twice",
         "image_size=0": "8 to 4096 pixels",
         "workers=-1": "workers is -1",
         "episodes_per_shard=1000000000": "episodes_per_shard",
@@ -101,7 +102,7 @@ MISTAKES = [
     (train_program, "--policy.type=peract3", "Did you mean 'peract2'?"),
     (train_program, "--policy.type=act --policy.chunksize=3", "Did you mean '--policy.chunk_size'?"),
     (train_program, "--policy.type=act --dataset.root=nowhere", "no dataset at --dataset.root=nowhere"),
-    (train_program, "--config_path=small.yaml", "--config_path=small.yaml does not exist"),
+    (train_program, "--config_path=small.yaml", "small.yaml: No such file or directory"),
 ]
 
 

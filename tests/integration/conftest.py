@@ -105,7 +105,7 @@ def records_here() -> type[RecordsHere]:
 @pytest.fixture(scope="session")
 def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Root of the small dataset, both views."""
-    root = tmp_path_factory.mktemp("generated") / "small"
+    root = tmp_path_factory.mktemp("two words Ω") / "small"
     dataset_generate(generation(root))
     return root
 

@@ -19,7 +19,7 @@ import av
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from PIL import Image
+from PIL import ExifTags, Image
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
@@ -112,6 +112,15 @@ def pixels(key: str, change: Callable[[np.ndarray], np.ndarray], rows: slice = s
     return column(key, other, rows)
 
 
+def turned(cell: dict) -> dict:
+    """The same pixels, which readers turn by 180 degrees because the image's metadata say so."""
+    image, stored = Image.open(io.BytesIO(cell["bytes"])), io.BytesIO()
+    metadata = image.getexif()
+    metadata[ExifTags.Base.Orientation] = 3
+    image.save(stored, format=image.format, exif=metadata)
+    return cell | {"bytes": stored.getvalue()}
+
+
 def one_pixel(amount: int) -> Callable[[np.ndarray], np.ndarray]:
     """Adds to one number of an image."""
 
@@ -122,19 +131,22 @@ def one_pixel(amount: int) -> Callable[[np.ndarray], np.ndarray]:
     return change
 
 
-def encoded_again(change: Callable[[list[np.ndarray]], list[np.ndarray]]) -> Change:
-    """Changes the frames of the front video and encodes them as before."""
+def encoded_again(change: Callable[[list[np.ndarray]], list[np.ndarray]], streams: int = 1) -> Change:
+    """Changes the frames of the front video and encodes them as before, perhaps in several streams."""
 
     def rewrite(root: Path) -> None:
         container = av.open(str(root / VIDEO))
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
         container.close()
         with av.open(str(root / VIDEO), "w") as container:
-            stream = container.add_stream("libx264", rate=CONTROL_HZ, options={"crf": "18"})
-            stream.height, stream.width, stream.pix_fmt = *frames[0].shape[:2], "yuv420p"
+            for _ in range(streams):
+                stream = container.add_stream("libx264", rate=CONTROL_HZ, options={"crf": "18"})
+                stream.height, stream.width, stream.pix_fmt = *frames[0].shape[:2], "yuv420p"
+            made = container.streams.video
             for image in change(frames):
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(image), "rgb24")))
-            container.mux(stream.encode())
+                frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), "rgb24")
+                container.mux([packet for each in made for packet in each.encode(frame)])
+            container.mux([packet for each in made for packet in each.encode()])
 
     return rewrite
 
@@ -189,6 +201,7 @@ CORRUPTIONS = (
     Corruption("video is a tick late", "rendered RGB", encoded_again(lambda f: [f[0], *f[:-1]]), FRAMES),
     Corruption("a video late from its middle", "rendered RGB", encoded_again(late_from_the_middle), FRAMES),
     Corruption("a repainted thing", "rendered RGB", encoded_again(repainted), FRAMES),
+    Corruption("a second stream", "images complete", encoded_again(list, streams=2), FRAMES),
     Corruption(
         "a brighter video",
         "rendered RGB",
@@ -202,6 +215,8 @@ CORRUPTIONS = (
         column(FRONT, lambda cell: cell | {"bytes": png(60_000, 60_000)}, [1]),
         KEYFRAMES,
     ),
+    Corruption("a turned image", "rendered RGB", column(FRONT, turned, slice(3, 4)), KEYFRAMES),
+    Corruption("turned depth", "rendered depth", column(FRONT_DEPTH, turned, slice(3, 4)), KEYFRAMES),
     Corruption("one pixel of colour", "rendered RGB", pixels(FRONT, one_pixel(1), slice(3, 4)), KEYFRAMES),
     Corruption("a depth pixel", "rendered depth", pixels(FRONT_DEPTH, one_pixel(-1), slice(3, 4)), KEYFRAMES),
     Corruption("depth beyond its range", "rendered depth", pixels(FRONT_DEPTH, one_pixel(9000)), KEYFRAMES),

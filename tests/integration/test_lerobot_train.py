@@ -93,7 +93,7 @@ def checkpoint_config(folder: Path) -> dict:
 @pytest.fixture(scope="module")
 def room(tmp_path_factory) -> Path:
     """A folder with a dataset of two demonstrations in both views."""
-    folder = tmp_path_factory.mktemp("room")
+    folder = tmp_path_factory.mktemp("two words Ω")
     flags = (
         "--task=push_box",
         "--episodes=2",

@@ -5,12 +5,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import corruptions as c
+import pyarrow as pa
 import pytest
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.checksums import checksum_problems, write_checksums
 from lerobot_bimanual.dataset.reader import read_info
+from lerobot_bimanual.dataset.schema import STATE_HASH as HASH
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify
@@ -58,6 +60,24 @@ def test_a_video_that_is_only_encoded_again_passes_and_a_pixel_is_found_at_its_r
     c.pixels(c.FRONT_DEPTH, c.one_pixel(-5), slice(3, 4))(keyframes)
     faults = Verifier(keyframes, Thoroughness(True, ALL_ROWS), player).verify(1).faults["rendered depth"]
     assert [(fault.row, fault.text) for fault in faults] == [(3, f"{c.FRONT_DEPTH} is wrong by up to 5 mm")]
+
+
+def as_polars_writes_it(rows: pa.Table) -> pa.Table:
+    """The same cells in other types."""
+    others = {
+        pa.string(): pa.dictionary(pa.int32(), pa.string()),
+        pa.int64(): pa.int32(),
+        pa.list_(pa.float32()): pa.large_list(pa.float32()),
+    }
+    fields = [each.with_type(others.get(each.type, each.type)) for each in rows.schema if each.name != HASH]
+    names = [each.name for each in fields]
+    return rows.select(names).cast(pa.schema(fields)).append_column(HASH, rows[HASH])
+
+
+def test_columns_of_other_types_with_the_same_values_pass(copy, player) -> None:
+    root = copy("keyframes")
+    c.table(as_polars_writes_it)(root)
+    assert findings(root, "replay", player).keys() == {"checksums"}
 
 
 def test_no_cell_and_no_playlist_leads_to_another_file(copy, player, tmp_path, monkeypatch) -> None:
