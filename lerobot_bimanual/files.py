@@ -19,8 +19,6 @@ from lerobot_bimanual.errors import BimanualError, plain
 
 MAX_BYTES = 2**26
 """Larger than any result or config; a larger file is not read."""
-MAX_YAML_BYTES = 2**16
-"""Of a YAML file, whose reader is slow."""
 
 
 class UnwritableOutput(BimanualError):
@@ -170,19 +168,19 @@ def read_file(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     return content
 
 
-def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
+def read_json(path: Path) -> Any:
     """The value in a JSON file of another program.
 
     Raises:
         BimanualError: the file cannot be read, or is not JSON; the message names it.
     """
     try:
-        return json.loads(read_file(path, max_bytes))
+        return json.loads(read_file(path))
     except (ValueError, RecursionError, BimanualError) as error:
         raise BimanualError(f"{path}: {error}") from error
 
 
-def read_yaml(path: Path) -> Any:
+def read_yaml(path: Path, max_bytes: int = 2**16) -> Any:
     """The value in a YAML or JSON file without aliases, by which a few lines stand for more than any memory holds.
 
     Raises:
@@ -191,7 +189,7 @@ def read_yaml(path: Path) -> Any:
     import yaml
 
     try:
-        content = read_file(path, MAX_YAML_BYTES)
+        content = read_file(path, max_bytes)
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(content, yaml.SafeLoader)):
             raise BimanualError("it has an alias (*name), but must write each part out")
         return yaml.safe_load(content)

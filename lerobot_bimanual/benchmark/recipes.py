@@ -130,9 +130,9 @@ class Recipe:
         options: dict[str, Any] = {}
         for name, value in self.sections.items():
             if isinstance(value, dict):
-                options |= {f"{name}.{key}": _normalised(inner) for key, inner in value.items()}
+                options |= {f"{name}.{key}": option_value(inner) for key, inner in value.items()}
             else:
-                options[name] = _normalised(value)
+                options[name] = option_value(value)
         if self._features:
             options["policy.input_features"] = {
                 key: {**feature, "shape": [feature["shape"][0], image_size, image_size]}
@@ -152,16 +152,13 @@ def option_text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def option_value(text: str) -> Any:
-    """The value of a flag's text: numbers, lists and the like as data, so that 2e-3 and 0.002 are equal."""
+def option_value(text: Any) -> Any:
+    """The value of a text of a flag or of YAML: numbers and lists as data, so that 2e-3 and 0.002 are equal; else as it is."""
+    if not isinstance(text, str):
+        return text
     try:
         value = json.loads(text)
         json.dumps(value, allow_nan=False)
     except (ValueError, RecursionError):
         return text
     return text if isinstance(value, str) else value
-
-
-def _normalised(value: Any) -> Any:
-    """A value of a YAML file, in which 2e-3 is a text."""
-    return option_value(value) if isinstance(value, str) else value

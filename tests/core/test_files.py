@@ -10,7 +10,7 @@ import pytest
 
 from lerobot_bimanual import resources
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import MAX_YAML_BYTES, move_durably, read_yaml, share_files, write_file
+from lerobot_bimanual.files import move_durably, read_yaml, share_files, write_file
 
 KILLED_WHILE_WRITING = """
 import os, sys
@@ -93,7 +93,7 @@ def test_files_are_shared_as_the_umask_says(tmp_path) -> None:
     [
         ("a: &a [x, x]\nb: &b [*a, *a]\ntype: [*b, *b]", "has an alias"),
         ("[" * 10_000 + "]" * 10_000, "recursion"),
-        (" " * (MAX_YAML_BYTES + 1), "exceeds the limit"),
+        (" " * (2**16 + 1), "exceeds the limit"),
         ("!!python/object/apply:os.getpid []", "constructor"),
         ("a: [\x1b", "special characters"),
     ],

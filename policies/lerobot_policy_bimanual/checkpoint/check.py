@@ -32,7 +32,6 @@ from lerobot_policy_bimanual.checkpoint.steps import (
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
 
-MAX_JSON_BYTES = 2**24
 SAFE_POLICIES = {"act", "diffusion", "tdmpc", "vqbet"}
 """Policies of LeRobot that load nothing by name, but weights of torchvision's ResNets."""
 LOADED = re.compile("name|path|repo|model|tokenizer|variant|encoder")
@@ -119,10 +118,8 @@ def _read(file: Path) -> Any:
     Raises:
         CheckpointError: there is none, or another.
     """
-    if not file.is_file():
-        raise CheckpointError(f"{file} does not exist: the checkpoint is incomplete")
     try:
-        return read_json(file, MAX_JSON_BYTES)
+        return read_json(file)
     except BimanualError as error:
         raise CheckpointError(str(error)) from error
 
