@@ -6,18 +6,16 @@ cd "$(dirname "$0")/.."
 
 uv="$(scripts/find_uv.sh)"
 ours=(--editable .[lerobot] --editable envs --editable policies --editable robots)
-tools=(pytest pytest-timeout pytest-xdist hypothesis syrupy import-linter hatchling build ray nbclient ipykernel)
 kind="${1:?lowest, newest, lerobot-main or python-3.13}"
 venv="$PWD/build/venv-$kind"
 rm -rf "$venv"
 "$uv" venv --quiet --seed --python "$([[ $kind = python-* ]] && echo "${kind#python-}" || cat .python-version)" "$venv"
 export VIRTUAL_ENV="$venv"
 case "$kind" in
-lowest) "$uv" pip install --quiet --resolution=lowest-direct "${ours[@]}" && "$uv" pip install --quiet "${tools[@]}" ;;
-newest) "$uv" pip install --quiet "${ours[@]}" "${tools[@]}" ;;
-lerobot-main)
-    "$uv" pip install --quiet "${ours[@]}" "${tools[@]}"
-    "$uv" pip install --quiet --reinstall-package lerobot \
+lowest) "$uv" pip install --quiet --resolution=lowest-direct "${ours[@]}" && "$uv" pip install --quiet --group dev ;;
+newest | lerobot-main)
+    "$uv" pip install --quiet "${ours[@]}" --group dev
+    [[ $kind = newest ]] || "$uv" pip install --quiet --no-sources --reinstall-package lerobot \
         "lerobot[training,dataset] @ ${LEROBOT:-git+https://github.com/huggingface/lerobot}"
     ;;
 python-*)
