@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from lerobot_bimanual.arms import ARMS, Arm
     from lerobot_bimanual.cameras import CAMERA_NAMES
     from lerobot_bimanual.codec import KeyposeCodec
+    from lerobot_bimanual.dataset.reader import RecordedDataset
     from lerobot_bimanual.errors import BimanualError
     from lerobot_bimanual.geometry.pose import Pose
     from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M, VOXEL_WORKSPACE, Workspace
@@ -31,6 +32,7 @@ _MODULES = {
     "Keypose": "keypose",
     "KeyposeCodec": "codec",
     "Pose": "geometry.pose",
+    "RecordedDataset": "dataset.reader",
     "Workspace": "geometry.workspace",
 }
 """Where each name is defined."""
@@ -47,9 +49,15 @@ __all__ = [
     "Keypose",
     "KeyposeCodec",
     "Pose",
+    "RecordedDataset",
     "Workspace",
     "__version__",
 ]
+
+
+def __dir__() -> list[str]:
+    """What can be imported from here."""
+    return __all__
 
 
 def __getattr__(name: str) -> Any:

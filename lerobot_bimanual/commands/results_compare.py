@@ -36,7 +36,7 @@ def results_compare(config: ResultsCompareConfig) -> None:
 
     Examples:
         lerobot-bimanual results compare --first=results/peract2.json --second=results/act.json
-        lerobot-bimanual results compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
+        lerobot-bimanual results compare --first=results/leaderboard --second=outputs/board/results --second_policy=act
     """
     first = _results(config.first, config.first_policy, "first_policy")
     second = _results(config.second, config.second_policy, "second_policy")

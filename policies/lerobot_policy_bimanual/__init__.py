@@ -41,6 +41,11 @@ _CLASSES = {
 }
 
 
+def __dir__() -> list[str]:
+    """What can be imported from here."""
+    return __all__
+
+
 def __getattr__(name: str) -> Any:
     """Import a config, a policy or what makes its processors on first use."""
     for policy, begin in _CLASSES.items():

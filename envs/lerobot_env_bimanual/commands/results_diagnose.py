@@ -43,7 +43,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     Of tasks that can be done by several plans it also says how often both arms first follow the same one.
 
     Examples:
-        lerobot-bimanual results diagnose --results=results/leaderboard --policy=peract2
+        lerobot-bimanual results diagnose --results=results/leaderboard --policy=peract2_on_all
         lerobot-bimanual results diagnose --results=outputs/eval/lift_ball_test_record.json
         lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/failures.json
     """
