@@ -3,14 +3,13 @@
 Each table is between two comments of its page. Usage: tables.py
 """
 
-from math import nan
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from lerobot_bimanual.pages import markdown_table
-from lerobot_bimanual.reports.benchmark_page import ABSENT, read_results, results_table
+from lerobot_bimanual.reports.benchmark_page import ABSENT, mean_rate, read_results, results_table
 from lerobot_bimanual.results.episode import success_rate
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.reports.expert_tables import PAPER
@@ -24,7 +23,6 @@ COLUMNS = {
     "peract_independent": "independent",
     "peract_lf": "PerAct-LF",
     "peract2": "PerAct2",
-    "peract2_on_all": "one for all",
 }
 """Policies of the README's table, and their names in it."""
 NO_RESULTS = "No policy has been scored in the present world yet."
@@ -47,23 +45,35 @@ def with_table(page: str, name: str) -> str:
 
 
 def _results() -> str:
-    """Percent of episodes solved by each policy and by the open-loop baseline, over all trainings, and means over tasks."""
+    """Percent of episodes solved, a column per protocol and policy; means have their interval."""
     if not LEADERBOARD.is_dir():
         return NO_RESULTS
-    rates = results_table(read_results(LEADERBOARD).values())
-    rates["percent"] = [100 * rate.rate for rate in rates.rate]
-    scored: Any = rates.pivot_table("percent", "task", "policy")
-    shown = scored[[name for name in COLUMNS if name in scored]].rename(columns=COLUMNS)
-    open_loop = rates.groupby("task").open_loop.first()
-    shown["open loop"] = [100 * rate.rate if rate else nan for rate in open_loop]
-    shown.loc["mean"] = shown.mean(skipna=False)
-    shown = shown.map(lambda percent: ABSENT if percent != percent else f"{percent:.0f}")
-    lines = [
-        ["task", *shown.columns],
-        ["---", *["--:"] * shown.shape[1]],
-        *shown.reset_index().to_numpy().tolist(),
+    table: Any = results_table(read_results(LEADERBOARD).values())
+    tasks, columns = sorted({*table.task}), {}
+    for protocol, lines in table.groupby("protocol", observed=True):
+        scored = {name: lines[lines.policy == policy] for policy, name in COLUMNS.items()}
+        once = lines.drop_duplicates("task").dropna(subset="open_loop")
+        scored["open loop"] = once.assign(rate=once.open_loop)
+        for name, own in scored.items():
+            if len(own):
+                columns[f"{name}, {protocol}"] = _column(own, lines.task.nunique())
+    rows = [
+        ["task", *columns],
+        ["---", *["--:"] * len(columns)],
+        *([task, *(column.get(task, ABSENT) for column in columns.values())] for task in (*tasks, "mean")),
     ]
-    return "\n".join(f"|{'|'.join(line)}|" for line in lines)  # without the padding of `markdown_table`
+    return "\n".join(f"|{'|'.join(line)}|" for line in rows)  # without the padding of `markdown_table`
+
+
+def _column(lines: Any, tasks: int) -> dict[str, str]:
+    """Percent by task; the mean, with its interval, if there are all tasks."""
+    means = {task: mean_rate(own.task, own.rate) for task, own in lines.groupby("task")}
+    percents = {task: f"{100 * mean:.0f}" for task, (mean, *_) in means.items()}
+    if len(means) == tasks:
+        percents["mean"] = "{:.0f} ({:.0f}-{:.0f})".format(
+            *(100 * each for each in mean_rate(lines.task, lines.rate))
+        )
+    return percents
 
 
 def _beside_the_paper() -> str:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from lerobot_bimanual.benchmark.recipes import PROTOCOLS, SUFFIX, Recipe, option_text, option_value, protocol
+from lerobot_bimanual.benchmark.recipes import SIZES, SUFFIX, Recipe, option_text, option_value, sizes
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
+from lerobot_bimanual.results.protocols import OWN, PROTOCOLS
 
 OWN_FLAGS = {
     "train_flags": (
@@ -27,7 +28,7 @@ OWN_FLAGS = {
 INCIDENTAL = ("num_workers", "wandb.enable")
 """Training options that decide nothing about what is learned."""
 NUMBERS = ("demos", "image_size", "steps", "batch_size", "save_freq", "val_episodes", "test_episodes")
-"""Fields that a recipe and its protocol fill in."""
+"""Fields that a recipe and a protocol fill in."""
 
 
 @dataclass
@@ -36,12 +37,15 @@ class BenchmarkConfig:
 
     policy: str = "peract2"  # type of the policy, as for lerobot-train
     task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual task list` lists them
-    variation: str = "any"  # index, or `any` for one that each seed draws
+    # `standard`, `few`, `plans`, `varied`, `hard`, `pairings` or `multitask`: what is learned from and tested, which flags
+    # beside it cannot change. With `own` they decide.
+    protocol: str = OWN
+    variation: str | None = None  # index, or `any` for one that each seed draws; by default any
     # Tasks and suites, this one among them, from whose demonstrations one network learns. Benchmarks of its tasks share it,
     # and its last checkpoint is scored. By default it learns from this task alone.
-    trained_on: str = ""
-    # `small` or `paper`, of the training and of the numbers of the protocol; or a file for `lerobot-train`, FILE.yaml, with the
-    # protocol `small`, for any policy that LeRobot knows.
+    trained_on: str | None = None
+    # `small` or `paper`, of the training and of images and episodes; or a file for `lerobot-train`, FILE.yaml, with images and
+    # episodes of `small`, for any policy that LeRobot knows.
     recipe: str = "small"
     demos: int | None = None  # demonstrations; by default 100
     image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
@@ -52,13 +56,17 @@ class BenchmarkConfig:
     val_episodes: int | None = None
     test_episodes: int | None = None  # of the best checkpoint; by default 50 (small) or 100 (paper)
     seed: int = 1000  # of the training
-    # Perturbations of the test and its baselines, and of nothing else: AXIS:LEVEL, several separated by commas.
-    perturb: str = ""
-    setting: Literal["standard", "varied"] = "standard"  # of demonstrations, evaluations and baselines
-    demos_perturb: str = ""  # perturbations of the demonstrations, likewise
-    # `several`: demonstrations by each of the task's plans equally often; see `dataset generate`.
-    demos_plans: Literal["one", "several"] = "one"
-    first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
+    # Perturbations of the test and its baselines, and of nothing else: AXIS:LEVEL, several separated by commas; by default none.
+    perturb: str | None = None
+    # Of demonstrations, evaluations and baselines; by default standard.
+    setting: Literal["standard", "varied"] | None = None
+    demos_perturb: str | None = None  # perturbations of the demonstrations, likewise; by default none
+    # `several`: demonstrations by each of the task's plans equally often; see `dataset generate`. By default one.
+    demos_plans: Literal["one", "several"] | None = None
+    # Variations of the demonstrations, separated by commas, of which the last checkpoint is scored; by default that of the test.
+    demos_variation: str | None = None
+    # Of the episodes; the splits give other episodes for the same seeds. By default 0.
+    first_seed: int | None = None
     # Further flags of the training, in one text; they win over the recipe's.
     train_flags: str = ""
     eval_flags: str = ""  # further flags of lerobot-eval, in one text
@@ -73,24 +81,26 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     """Fill in recipe and protocol.
 
     Raises:
-        BimanualError: a flag is outside its choices, policy or recipe is not installed, nothing would choose among several
-            checkpoints, or further flags are not allowed.
+        BimanualError: a flag is outside its choices or contradicts the protocol, policy or recipe is not installed, nothing
+            would choose among several checkpoints, or further flags are not allowed.
     """
-    if not config.task.isidentifier():
-        raise BimanualError(f"task is {config.task!r}, but a benchmark is of one task; run one per task")
-    if not re.fullmatch("any|[0-9]{1,4}", config.variation):
-        raise InvalidChoice("variation", config.variation, "an index of up to four digits, or any")
-    variation = config.variation if config.variation == "any" else str(int(config.variation))
-    trained_on = "" if config.trained_on == config.task else config.trained_on
-    config = replace(config, variation=variation, trained_on=trained_on)
-    if trained_on:
-        _check_several(config)
+    flags = _by_protocol(config)
+    is_chosen = not (flags["trained_on"] or flags["demos_variation"])
+    if flags["trained_on"]:
+        _check_several(flags)
+    if not is_chosen:
+        if config.val_episodes:
+            raise BimanualError(
+                f"val_episodes is {config.val_episodes}, but of a network that learned from other tasks or variations than it is "
+                "tested on the last checkpoint is scored: leave it out"
+            )
         config = replace(config, val_episodes=0)
-    if config.recipe not in PROTOCOLS and not config.recipe.endswith(SUFFIX):
-        raise InvalidChoice("recipe", config.recipe, [*PROTOCOLS, f"FILE{SUFFIX}"])
+    if config.recipe not in SIZES and not config.recipe.endswith(SUFFIX):
+        raise InvalidChoice("recipe", config.recipe, [*SIZES, f"FILE{SUFFIX}"])
     recipe = Recipe.find(config.policy, config.recipe)
-    usual = vars(protocol(config.recipe)) | vars(recipe)
-    given = {name: getattr(config, name) for name in NUMBERS}
+    usual = vars(sizes(config.recipe)) | vars(recipe)
+    usual |= {name: usual[name] * PROTOCOLS[config.protocol].rounds for name in ("steps", "save_freq")}
+    given = {name: flags.pop(name, getattr(config, name)) for name in NUMBERS}
     numbers = {name: usual[name] if number is None else number for name, number in given.items()}
     training = recipe.options(numbers["image_size"])
     usual_device = training.get("policy.device")
@@ -102,22 +112,16 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     settings = BenchmarkSettings.of(
         policy=config.policy,
         task=config.task,
-        variation=variation,
-        trained_on=trained_on,
         recipe=Path(config.recipe).name.removesuffix(SUFFIX),
         **numbers,
+        **flags,
         seed=config.seed,
-        first_seed=config.first_seed,
-        setting=config.setting,
-        perturb=levels_text(parse_levels(config.perturb)),
-        demos_perturb=levels_text(parse_levels(config.demos_perturb)),
-        demos_plans=config.demos_plans,
         device=config.device or usual_device,
         training=training | own | _options(config, "train_flags"),
         evaluation=_options(config, "eval_flags"),
     )
     steps = settings.checkpoint_steps
-    if not settings.val_episodes and len(steps) > 1 and not trained_on:
+    if not settings.val_episodes and len(steps) > 1 and is_chosen:
         raise BimanualError(
             f"val_episodes is 0, so that nothing would choose among the checkpoints after {', '.join(map(str, steps))} "
             f"steps; leave one with --save_freq={settings.steps}"
@@ -133,8 +137,12 @@ def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
             trained.
     """
     copied = settings.model_dump(include={field.name for field in fields(BenchmarkConfig)})
-    usual = resolve(BenchmarkConfig(**{name: copied[name] for name in ("policy", "recipe")}))
-    if settings.trained_on:
+    usual = resolve(
+        BenchmarkConfig(**{name: copied[name] for name in ("policy", "task", "recipe", "protocol")})
+    )
+    fixed = PROTOCOLS[settings.protocol].flags(settings.task)
+    copied |= {name: None for name, value in fixed.items() if copied[name] == value}
+    if settings.trained_on or settings.demos_variation:
         copied["val_episodes"] = None  # its last checkpoint is scored
     # The options of the training depend on these numbers, too.
     today = resolve(BenchmarkConfig(**copied)).training
@@ -166,22 +174,48 @@ def command(config: BenchmarkConfig) -> str:
 
 def beyond_recipe(config: BenchmarkConfig) -> str:
     """Flags of `policy benchmark` that change what is trained or how it is scored; "" if there are none."""
-    named = ("policy", "task", "variation", "recipe", "device")
+    named = ("policy", "task", "protocol", "variation", "recipe", "device")
     return " ".join(word for name, word in _words(config).items() if name not in named)
 
 
-def _check_several(config: BenchmarkConfig) -> None:
+def _by_protocol(config: BenchmarkConfig) -> dict[str, Any]:
+    """The flags that protocols fix, in their one form; what is not given is the protocol's.
+
+    Raises:
+        BimanualError: the protocol does not exist, is not for the task, or has other flags than those given.
+    """
+    task, name = config.task, config.protocol
+    if not task.isidentifier():
+        raise BimanualError(f"task is {task!r}, but a benchmark is of one task; run one per task")
+    if name not in PROTOCOLS:
+        raise InvalidChoice("protocol", name, PROTOCOLS)
+    if task not in (tasks := PROTOCOLS[name].tasks or (task,)):
+        raise InvalidChoice(f"task of the protocol {name}", task, tasks)
+    fixed = PROTOCOLS[name].flags(task)
+    flags = {
+        each: value if (given := getattr(config, each)) is None else given for each, value in fixed.items()
+    }
+    if not re.fullmatch("any|[0-9]{1,4}", flags["variation"]):
+        raise InvalidChoice("variation", flags["variation"], "an index of up to four digits, or any")
+    flags["variation"] = re.sub("^0+(?=[0-9])", "", flags["variation"])
+    flags |= {each: levels_text(parse_levels(flags[each])) for each in ("perturb", "demos_perturb")}
+    flags["trained_on"] = "" if flags["trained_on"] == task else flags["trained_on"]
+    for each, value in fixed.items():
+        if name != OWN and flags[each] != value:
+            raise BimanualError(
+                f"{each} is {flags[each]!r}, but {value!r} in the protocol {name}: leave --{each} or --protocol out"
+            )
+    return flags
+
+
+def _check_several(flags: Mapping[str, Any]) -> None:
     """Refuse what a network for several tasks excludes."""
-    if not all(name.isidentifier() for name in config.trained_on.split(",")):
-        raise InvalidChoice("trained_on", config.trained_on, "tasks and suites, separated by commas")
-    if config.variation != "any":
+    trained_on, variation = flags["trained_on"], flags["variation"]
+    if not all(name.isidentifier() for name in trained_on.split(",")):
+        raise InvalidChoice("trained_on", trained_on, "tasks and suites, separated by commas")
+    if variation != "any" or flags["demos_variation"]:
         raise BimanualError(
-            f"variation is {config.variation}, but --trained_on={config.trained_on} has demonstrations of any: leave it out"
-        )
-    if config.val_episodes:
-        raise BimanualError(
-            f"val_episodes is {config.val_episodes}, but of a network for several tasks (--trained_on) the last checkpoint is "
-            "scored, since each task would choose another: leave it out"
+            f"variation is {variation}, but --trained_on={trained_on} has demonstrations of any: leave it out"
         )
 
 

@@ -7,9 +7,10 @@ from typing import Any, Literal, Self
 
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, flag_words, resolve
 from lerobot_bimanual.benchmark.pipeline import Command
-from lerobot_bimanual.benchmark.recipes import Recipe, protocol
+from lerobot_bimanual.benchmark.recipes import Recipe, sizes
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
 from lerobot_bimanual.results.evaluation import STANDARD, eval_key, perturbed
+from lerobot_bimanual.results.protocols import PROTOCOLS
 
 ScoredSplit = Literal["val", "test"]
 BASELINES = ("expert", "open_loop")
@@ -117,10 +118,10 @@ class Plan:
     def generation(self) -> Command:
         """Record the demonstrations; the splits of the evaluation have other episodes for the same seeds."""
         settings = self.settings
-        fractions = protocol(settings.recipe).intermediate if self.recipe.view == "keyframes" else ()
+        fractions = sizes(settings.recipe).intermediate if self.recipe.view == "keyframes" else ()
         options = {
             "task": settings.trained_on or settings.task,
-            "variation": settings.variation,
+            "variation": settings.demos_variation or settings.variation,
             "episodes": settings.demos,
             "split": "train",
             "view": self.recipe.view,
@@ -147,7 +148,7 @@ class Plan:
             "split": "test",
             "first_seed": seeds.start,
             "episodes": len(seeds),
-            "player": player,
+            "player": PROTOCOLS[settings.protocol].expert if player == "expert" else player,
             "perturb": settings.perturb,
             "setting": self._setting,
             "workers": self.workers,

@@ -1,4 +1,4 @@
-"""Recipes: how policies are trained, as config files of `lerobot-train` beside the policies, and the protocol of a test.
+"""Recipes: how policies are trained, as config files of `lerobot-train` beside the policies, and the sizes of their benchmarks.
 
 A distribution adds recipes for a policy by an entry point `policy = "package"` in the group
 `lerobot_bimanual.recipes`; the files are `recipes/<name>.yaml` in that package. A recipe holds whatever
@@ -22,11 +22,10 @@ GROUP = "lerobot_bimanual.recipes"
 
 
 @dataclass(frozen=True)
-class Protocol:
-    """Numbers of a benchmark that do not concern the training, the same for every policy.
+class Sizes:
+    """Numbers of a benchmark that concern neither training nor protocol, the same for every policy.
 
     Attributes:
-        demos: expert demonstrations of the split `train`.
         image_size: side of the images in pixels, in the demonstrations and in the evaluations.
         val_episodes: episodes of the split `val` on which every checkpoint is scored to choose the best; 0 if there is
             only one.
@@ -36,26 +35,23 @@ class Protocol:
             nearly at, which teaches a small network to stay where it is (docs/learning.md).
     """
 
-    demos: int
     image_size: int
     val_episodes: int
     test_episodes: int
     intermediate: tuple[float, ...]
 
 
-PROTOCOLS = {
-    "small": Protocol(demos=100, image_size=128, val_episodes=20, test_episodes=50, intermediate=()),
-    "paper": Protocol(
-        demos=100, image_size=256, val_episodes=100, test_episodes=100, intermediate=(0.35, 0.7)
-    ),
+SIZES = {
+    "small": Sizes(image_size=128, val_episodes=20, test_episodes=50, intermediate=()),
+    "paper": Sizes(image_size=256, val_episodes=100, test_episodes=100, intermediate=(0.35, 0.7)),
 }
 """By the name of the recipe; the second is that of the PerAct2 paper."""
 SUFFIX = ".yaml"
 
 
-def protocol(recipe: str) -> Protocol:
-    """The protocol of a recipe, by its name; of a user's own file it is `small`."""
-    return PROTOCOLS.get(recipe, PROTOCOLS["small"])
+def sizes(recipe: str) -> Sizes:
+    """The sizes of a recipe's benchmarks, by its name; of a user's own file those of `small`."""
+    return SIZES.get(recipe, SIZES["small"])
 
 
 @dataclass(frozen=True)

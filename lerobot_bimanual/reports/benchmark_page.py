@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from math import nan
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -13,15 +12,17 @@ import pandas as pd
 
 from lerobot_bimanual.benchmark.config import beyond_recipe, command, shortest_config
 from lerobot_bimanual.benchmark.recipes import GROUP as RECIPE_GROUP
-from lerobot_bimanual.benchmark.recipes import PROTOCOLS
+from lerobot_bimanual.benchmark.recipes import SIZES
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.benchmark import BenchmarkResult, Scored, read_scored
 from lerobot_bimanual.results.comparison import check_comparable
 from lerobot_bimanual.results.episode import success_rate, survival_rate
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.protocols import OWN, PROTOCOLS
 from lerobot_bimanual.results.record import result_paths
-from lerobot_bimanual.results.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
 
 NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
@@ -44,7 +45,7 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
     installed = [
         (path, each)
         for path, each in trained
-        if (each.config.recipe in PROTOCOLS and each.config.policy in entries(RECIPE_GROUP))
+        if (each.config.recipe in SIZES and each.config.policy in entries(RECIPE_GROUP))
     ]
     commands, beyond = {}, {}
     for path, each in installed:
@@ -53,12 +54,14 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
         except BimanualError as error:
             raise BimanualError(f"{path}: {error}") from error
         commands[path], beyond[path] = command(config), beyond_recipe(config)
+    table: Any = results_table(results.values())
     return render(
         "lerobot_bimanual.reports",
         "benchmark.md",
         recipe=trained[0][1].config.recipe if trained else None,
         folder=folder.as_posix(),
-        success=success_table(results.values()),
+        board=board_table(table),
+        success={name: success_table(lines) for name, lines in table.groupby("protocol", observed=True)},
         survival=survival_table(each for _, each in ordered),
         training=_training_table(trained, beyond) if trained else None,
         command=[*commands.values()][-1] if commands else None,
@@ -81,51 +84,98 @@ def read_results(place: Path) -> dict[Path, Scored]:
 
 
 def results_table(results: Iterable[Scored]) -> pd.DataFrame:
-    """One line per result, sorted: `task`, `policy`, `seed`, and the success rates `rate`, `expert` and `open_loop`.
+    """One line per result, sorted, protocols in their order.
 
-    On tasks that no benchmark has scored, the last two are None.
+    Returns:
+        Columns `protocol`, `task`, `policy`, `seed`, and the success rates `rate`, `expert` and `open_loop`, of which the last
+        two are None where no benchmark has scored the same. Within a protocol policies bear the names of their types, as it
+        says what they learned from; under `own` the names of results.
     """
     rows, baselines = [], {}
     for each in results:
-        seed = each.config.seed if isinstance(each, BenchmarkResult) else each.policy.get("seed", 0)
-        row = {"task": each.eval_key, "policy": each.policy_id, "seed": seed}
-        rows.append(row | {"rate": success_rate(each.episodes)})
+        seed = each.policy.get("seed", 0) if isinstance(each, EvaluationRecord) else each.config.seed
+        rows.append({**_place(each), "key": each.eval_key, "seed": seed, "rate": success_rate(each.episodes)})
         if isinstance(each, BenchmarkResult):
             baselines[each.eval_key] = {name: each.rates[name] for name in BASELINES}
     absent = dict.fromkeys(BASELINES)
-    return pd.DataFrame(row | baselines.get(row["task"], absent) for row in rows).sort_values(
-        ["task", "policy", "seed"]
+    table: Any = pd.DataFrame(row | baselines.get(row.pop("key"), absent) for row in rows)
+    table["protocol"] = pd.Categorical(table.protocol, [*PROTOCOLS])
+    return table.sort_values(["protocol", "task", "policy", "seed"], kind="stable")
+
+
+def mean_rate(tasks: pd.Series, rates: pd.Series) -> tuple[float, float, float]:
+    """Mean success over tasks, and its 95 % interval from the draw of the episodes.
+
+    The interval is Wilson's, as if each task had as many episodes as that with the fewest.
+
+    Args:
+        tasks: of each training; those on one task share its episodes.
+        rates: of each training.
+
+    Returns:
+        Mean, lower and upper bound, in [0, 1].
+    """
+    by_task = rates.map(lambda rate: rate.rate).groupby(tasks).mean()
+    mean, episodes = float(by_task.mean()), min(rate.trials for rate in rates) * len(by_task)
+    return mean, *wilson_interval(mean * episodes, episodes)
+
+
+def board_table(table: Any) -> pd.DataFrame:
+    """Mean success of each policy, the expert and the open-loop baseline, a column per protocol.
+
+    Args:
+        table: of `results_table`. Whoever was not scored on all tasks of a protocol has no mean.
+    """
+    once = table.drop_duplicates(["protocol", "task"])
+    baselines = [once.assign(policy=name, rate=once[name]) for name in BASELINES]
+    agents = pd.concat([table.assign(policy=table.policy.map("`{}`".format)), *baselines]).dropna(
+        subset="rate"
     )
+    tasks, board = once.groupby("protocol", observed=True).size(), {}
+    for (protocol, agent), lines in agents.groupby(["protocol", "policy"], observed=True):
+        mean, low, high = mean_rate(lines.task, lines.rate)
+        is_whole = lines.task.nunique() == tasks[protocol]
+        cell = f"{mean:.1%} ({low:.0%} to {high:.0%})" if is_whole else ABSENT
+        board.setdefault(f"`{protocol}`, {tasks[protocol]}", {})[agent] = cell
+    order = [*sorted({*agents.policy} - {*BASELINES}), *BASELINES]
+    shown = pd.DataFrame(board).reindex(order).fillna(ABSENT).rename(index={"open_loop": "open loop"})
+    return shown.rename_axis("policy").reset_index()
 
 
-def success_table(results: Iterable[Scored]) -> pd.DataFrame:
-    """The policies, the expert and the open-loop baseline side by side, one line per task."""
-    table: Any = results_table(results)
+def success_table(table: Any) -> pd.DataFrame:
+    """The policies, the expert and the open-loop baseline side by side, one line per task.
+
+    Args:
+        table: of `results_table`, of one protocol.
+    """
     shown = table.pivot_table("rate", "task", "policy", _success_cell, fill_value=ABSENT)
     shown = shown.rename(index="`{}`".format, columns="`{}`".format)
     baselines = table.drop_duplicates("task")[[*BASELINES]]
     shown["expert"] = [ABSENT if rate is None else str(rate.successes) for rate in baselines.expert]
     shown["open loop"] = [ABSENT if rate is None else _score(rate) for rate in baselines.open_loop]
-    if len(shown) > 1:
-        shares = table.assign(share=[rate.rate for rate in table.rate]).pivot_table("share", "task", "policy")
-        means = [*shares.mean(skipna=False)]  # of policies that were scored on all tasks
-        means += [fmean(nan if rate is None else rate.rate for rate in baselines[name]) for name in BASELINES]
-        shown.loc[f"mean of {len(shown)}"] = [ABSENT if mean != mean else f"{mean:.1%}" for mean in means]
     return shown.rename_axis("task").reset_index()
 
 
 def survival_table(results: Iterable[Scored]) -> pd.DataFrame | None:
     """How many test episodes real arms would have gone through; None where no result says it."""
     rows = [
-        {"task": f"`{each.eval_key}`", "policy": f"`{each.policy_id}`", "of": rate}
-        for each in results
-        if (rate := survival_rate(each.episodes)) is not None
+        _place(each) | {"of": rate} for each in results if (rate := survival_rate(each.episodes)) is not None
     ]
     if not rows:
         return None
-    table: Any = pd.DataFrame(rows).sort_values(["task", "policy"], kind="stable")
+    table: Any = pd.DataFrame(rows)
+    table["policy"] = [
+        f"`{policy}`, {protocol}" for policy, protocol in zip(table.policy, table.protocol, strict=True)
+    ]
     shown = table.pivot_table("of", "task", "policy", lambda rates: ", ".join(map(str, rates)))
-    return shown.fillna(ABSENT).rename_axis("task").reset_index()
+    return shown.fillna(ABSENT).rename(index="`{}`".format).rename_axis("task").reset_index()
+
+
+def _place(result: Scored) -> dict[str, str]:
+    """Protocol, task and policy of a result on the board."""
+    if isinstance(result, EvaluationRecord) or result.config.protocol == OWN:
+        return {"protocol": OWN, "task": result.eval_key, "policy": result.policy_id}
+    return {"protocol": result.config.protocol, "task": result.task, "policy": result.config.policy}
 
 
 def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Mapping[Path, str]) -> Any:
@@ -138,6 +188,7 @@ def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Map
     table: Any = pd.DataFrame(
         {
             "policy": f"`{each.config.policy_id}`",
+            "protocol": each.config.protocol,
             "results": each.config.eval_key,
             "demos": len(each.demonstrations.seeds),
             "steps": each.config.steps,
@@ -147,7 +198,7 @@ def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Map
         }
         for path, each in results
     )
-    settings = ["policy", "demos", "steps", "machine", "beyond the recipe"]
+    settings = ["policy", "protocol", "demos", "steps", "machine", "beyond the recipe"]
     lines = table.groupby(settings).agg({"results": "count", "minutes": _range}).reset_index()
     return lines[table.columns]
 

@@ -19,6 +19,7 @@ from lerobot_bimanual.results.episode import (
     success_rate,
 )
 from lerobot_bimanual.results.evaluation import EvaluationRecord, WorldVersion, eval_key, perturbed
+from lerobot_bimanual.results.protocols import protocol_of
 from lerobot_bimanual.results.record import BadRecord, Name, Record, Text, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
@@ -51,10 +52,12 @@ class BenchmarkSettings(Record):
         perturb: perturbations of the test, `AXIS:LEVEL,...`.
         demos_perturb: perturbations of the demonstrations.
         demos_plans: "several" for demonstrations by each of the task's plans equally often.
+        demos_variation: variations of the demonstrations, separated by commas; empty for that of the test.
         setting: of demonstrations and evaluations.
         device: torch device; None if LeRobot chose it.
         training: further options of `lerobot-train` by name: those of the recipe, and those that were given beside it.
         evaluation: further options of `lerobot-eval` by name.
+        protocol: name of the protocol that has these flags.
     """
 
     policy: Name
@@ -74,13 +77,17 @@ class BenchmarkSettings(Record):
     perturb: str = ""
     demos_perturb: str = ""
     demos_plans: Literal["one", "several"] = "one"
+    demos_variation: Annotated[str, Field(pattern="^([0-9]{1,4}(,[0-9]{1,4})*)?$")] = ""
     setting: Literal["standard", "varied"] = "standard"
     device: str | None = None
     training: dict[str, JsonValue]
     evaluation: dict[str, JsonValue] = Field(default={})
+    protocol: Name = Field(default_factory=protocol_of)
 
     @model_validator(mode="after")
-    def _has_few_checkpoints(self) -> Self:
+    def _belongs_together(self) -> Self:
+        name = protocol_of(vars(self))
+        require(self.protocol == name, f"protocol is {self.protocol!r}, but its flags are those of {name!r}")
         few = self.steps <= MAX_CHECKPOINTS * self.save_freq
         require(few, f"save_freq must leave at most {MAX_CHECKPOINTS} checkpoints")
         return self
@@ -111,9 +118,11 @@ class BenchmarkSettings(Record):
         return (*range(self.save_freq, self.steps, self.save_freq), self.steps)
 
     def demonstrated(self, name: str) -> str:
-        """A name with what is special about the demonstrations: their perturbations, and whether they follow several plans."""
+        """A name with what is special about the demonstrations: perturbations, few, several plans, other variations."""
         name = perturbed(name, self.demos_perturb)
-        return name if self.demos_plans == "one" else f"{name}_plans"
+        name += "_few" if self.protocol == "few" else ""
+        name += "_plans" if self.demos_plans == "several" else ""
+        return name + (f"_of{self.demos_variation.replace(',', '.')}" if self.demos_variation else "")
 
     def _learned(self, name: str) -> str:
         name = self.demonstrated(name)

@@ -17,9 +17,10 @@ from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey
 from lerobot_bimanual.distributions import installed_versions
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.benchmark import BenchmarkResult, BenchmarkSettings
 from lerobot_bimanual.results.evaluation import EvaluationRecord, perturbed
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, ExpertReport
+from lerobot_bimanual.results.protocols import PROTOCOLS
 
 OTHER_WORLD, OUTCOMES = "ba9876543210", {"expert": "xxxx", "open_loop": "x...", "val": ".x", "test": "xx.."}
 
@@ -184,6 +185,41 @@ def test_demonstrations_by_several_plans_have_names_of_their_own(programs, confi
     assert not any("plans" in word for word in Plan.of(config).generation().words)
 
 
+def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
+    for name, protocol in PROTOCOLS.items():
+        config = BenchmarkConfig("mine", task=(*protocol.tasks, "lift_ball")[0], protocol=name)
+        settings = resolve(config)
+        flags = protocol.flags(config.task)
+        assert settings.protocol == name
+        assert flags.items() <= vars(settings).items()
+        assert resolve(replace(config, **flags)) == settings
+        assert f'"protocol": "{name}"' in settings.to_json()
+        if name != "own":
+            with pytest.raises(
+                BimanualError, match=f"setting is 'v?.*', but 's?.*' in the protocol {name}: leave --setting"
+            ):
+                resolve(replace(config, setting="standard" if name == "varied" else "varied"))
+    with pytest.raises(BimanualError, match="task of the protocol pairings is 'lift_ball'"):
+        resolve(BenchmarkConfig("mine", protocol="pairings"))
+    with pytest.raises(BimanualError, match="protocol is 'few', but its flags are those of 'own'"):
+        BenchmarkSettings.of(**dict(resolve(BenchmarkConfig("mine"))) | {"protocol": "few"})
+
+
+def test_protocols_that_differ_in_the_test_alone_share_demonstrations_and_training(programs):
+    plans = {
+        name: Plan.of(BenchmarkConfig("mine", task=(*each.tasks, "lift_ball")[0], protocol=name))
+        for name, each in PROTOCOLS.items()
+    }
+    standard, hard = plans.pop("standard"), plans.pop("hard")
+    assert hard.generation() == standard.generation() == plans["own"].generation()
+    assert hard.training() == standard.training() == plans.pop("own").training()
+    assert hard.evaluation("val", 2) == standard.evaluation("val", 2) != hard.evaluation("test", 2)
+    assert len({plan.dataset for plan in (standard, *plans.values())}) == len(plans) + 1
+    assert len({plan.run_folder for plan in (standard, *plans.values())}) == len(plans) + 1
+    assert "--variation=0,1,2,3" in plans["pairings"].generation().words
+    assert "--player=replanning" in hard.baseline("expert").words
+
+
 def test_demonstrations_of_other_versions_are_refused_before_a_policy_learns_from_them(programs, config):
     programs.versions |= {"mujoco": "1.0"}
     with pytest.raises(
@@ -238,6 +274,9 @@ def test_the_result_of_another_measurement_is_not_replaced(changes, message, pro
         {"variation": "00", "perturb": "mass:1,light:2", "first_seed": 7, "device": "cpu"},
         {"steps": 6, "save_freq": 6, "val_episodes": 0, "image_size": 64},
         {"trained_on": "all", "demos_perturb": "mass:1", "demos_plans": "several"},
+        {"protocol": "hard"},
+        {"protocol": "multitask", "save_freq": 6},
+        {"first_seed": 4_000_000, "variation": "2", "demos_variation": "0,1"},
         {"train_flags": "--policy.shift=[0.5,1] '--policy.more=a b' --policy.lr=2e-3 --policy.name=\"it's\""},
         {"eval_flags": "--eval.batch_size=1", "train_flags": "--policy.depth=3.0 --policy.head=null"},
     ],

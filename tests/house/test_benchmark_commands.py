@@ -9,7 +9,7 @@ from documents import parse
 
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, resolve
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.benchmark.recipes import PROTOCOLS
+from lerobot_bimanual.benchmark.recipes import SIZES
 from lerobot_bimanual.commands.demo import DemoConfig
 from lerobot_bimanual.commands.policy_benchmark import policy_benchmark
 
@@ -114,7 +114,7 @@ def test_every_policy_has_a_recipe_of_every_size():
         path.parent.name.removeprefix("configuration_") for path in PACKAGES.glob("*/configuration_*.py")
     }
     assert {(path.parts[-3], path.stem) for path in FILES} == {
-        (policy, size) for policy in policies | STOCK for size in PROTOCOLS
+        (policy, size) for policy in policies | STOCK for size in SIZES
     }
 
 

@@ -17,7 +17,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import SkippedSeed
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.distributions import installed_versions
-from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_env_bimanual.commands.dataset_generate import (
     DatasetGenerateConfig,
     dataset_generate,
@@ -171,6 +171,11 @@ def test_variations_take_turns_and_a_failed_seed_is_replaced_by_its_next_one(tmp
     assert [seed for _, candidates in first for seed, _ in candidates] == list(range(7))
     assert second == [("000004", [(8, 3), (11, 1)]), ("000005", [(16, 1)])]
     assert third == [("000006", [(21, 1)])]
+    (shards,) = planned(replace(config, variation="1,4", episodes=3))
+    assert [key for _, keys in shards for key in keys] == [(10, 1), (11, 4), (12, 1)]
+    for wrong in ("1,any", "1,1", "1,9"):
+        with pytest.raises(InvalidChoice, match="variation"):
+            settings_of(replace(config, variation=wrong))
     with pytest.raises(DatasetError, match=r"failed on 21 seeds.*seed 20: slipped"):
         planned(small_generation(tmp_path / "broken", episodes=1), failing=range(100))
 

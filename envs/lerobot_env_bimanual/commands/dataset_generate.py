@@ -36,7 +36,9 @@ class DatasetGenerateConfig:
     """Options of the command `dataset generate`."""
 
     task: str = field(kw_only=True)  # task and suite names, comma separated
-    variation: str = "any"  # index, or `any` for equal shares of all variations
+    variation: str = (
+        "any"  # index, several separated by commas for equal shares of them, or `any` for all variations
+    )
     episodes: int = 100  # successful episodes per task
     split: Literal["train", "val", "test"] = "train"  # the same seeds mean other episodes in each
     first_seed: int = 0  # seed of each task's first episode; the next ones follow

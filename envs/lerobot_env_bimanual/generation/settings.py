@@ -27,7 +27,7 @@ class GenerationSettings(Record):
 
     Attributes:
         tasks: task names, in the order of the episodes.
-        variation: index, or "any" for equal shares of all variations.
+        variation: index, or several separated by commas for equal shares of them, or "any" for those of all variations.
         episodes: number of episodes per task.
         split: split of the seeds.
         first_seed: seed of each task's first episode.
@@ -70,9 +70,15 @@ class GenerationSettings(Record):
     def _exist(self) -> Self:
         if len(self.tasks) > len(set(self.tasks)):
             raise InvalidChoice("tasks", self.tasks, ["a list of different names"])
+        listed = self.variation.split(",")
+        if len(listed) > len(set(listed)) or (len(listed) > 1 and ANY_VARIATION in listed):
+            raise InvalidChoice(
+                "variation", self.variation, "any, an index, or different ones separated by commas"
+            )
         for task in self.tasks:
             spec = get_task(task).spec
-            spec.variation_index(self.variation)
+            for variation in self.variation.split(","):
+                spec.variation_index(variation)
             if self.plans == "several" and len(spec.plans) == 1:
                 raise InvalidChoice(f"plans of {task}", self.plans, ["one"])
         if self.views not in (VIEWS, *((view,) for view in VIEWS)):
@@ -135,7 +141,7 @@ class GenerationSettings(Record):
         """Variations of a task among which its episodes are divided."""
         if self.variation == ANY_VARIATION:
             return tuple(range(len(get_task(task).spec.variations)))
-        return (int(self.variation),)
+        return tuple(map(int, self.variation.split(",")))
 
 
 class Origin(Record):

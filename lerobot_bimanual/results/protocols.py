@@ -1,0 +1,91 @@
+"""Protocols: what a policy learns from and what it is tested on. Each is a column of the board.
+
+They are frozen: a result names its protocol, and is refused where that has other numbers here. How a policy is trained is no part
+of a protocol, but of its recipe.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Flags:
+    """What a protocol fixes: flags of `policy benchmark`.
+
+    Attributes:
+        demos: demonstrations of each task.
+        demos_plans: "several" for demonstrations by each of the task's plans equally often.
+        demos_variation: variations of the demonstrations, separated by commas; empty for that of the test.
+        demos_perturb: perturbations of the demonstrations.
+        trained_on: tasks and suites from whose demonstrations one network learns; empty for the task alone.
+        setting: of demonstrations and test.
+        variation: of the test.
+        perturb: perturbations of the test.
+        first_seed: of the test.
+    """
+
+    demos: int = 100
+    demos_plans: str = "one"
+    demos_variation: str = ""
+    demos_perturb: str = ""
+    trained_on: str = ""
+    setting: str = "standard"
+    variation: str = "any"
+    perturb: str = ""
+    first_seed: int = 4_000_000
+
+
+@dataclass(frozen=True)
+class Protocol(Flags):
+    """One protocol.
+
+    Attributes:
+        tasks: that it is for; empty for all.
+        perturb_of: perturbations of the test of tasks that leave nothing to do to one of the others.
+        expert: name of the expert that shows whether the test can be solved.
+        rounds: times as many steps as the recipe has, and between its checkpoints.
+    """
+
+    tasks: tuple[str, ...] = ()
+    perturb_of: Mapping[str, str] = MappingProxyType({})
+    expert: str = "expert"
+    rounds: int = 1
+
+    def flags(self, task: str) -> dict[str, Any]:
+        """The flags of a task by name."""
+        own = {"perturb": self.perturb_of[task]} if task in self.perturb_of else {}
+        return {field.name: getattr(self, field.name) for field in fields(Flags)} | own
+
+
+OWN = "own"
+"""That of a benchmark whose flags are those of no other."""
+PROTOCOLS = {
+    OWN: Protocol(first_seed=0),  # the defaults of the flags
+    "standard": Protocol(),
+    "few": Protocol(demos=20),
+    "plans": Protocol(demos_plans="several"),
+    "varied": Protocol(setting="varied"),
+    "hard": Protocol(
+        perturb="camera_moved:2,clutter:2,light:2,nudge:1,start_posture:2",
+        perturb_of={"dual_push_buttons": "camera_moved:2,clutter:2,light:2,start_posture:2"},
+        expert="replanning",
+    ),
+    # The words for purple and orange are learned beside green, and tested together. No other task names two things.
+    "pairings": Protocol(demos_variation="0,1,2,3", variation="4", tasks=("dual_push_buttons",)),
+    "multitask": Protocol(trained_on="all", rounds=12),
+}
+
+
+def protocol_of(settings: Mapping[str, Any]) -> str:
+    """Name of the protocol that has the flags of some settings; `own` if none has."""
+    task = settings["task"]
+    named = (
+        name
+        for name, protocol in PROTOCOLS.items()
+        if name != OWN
+        and task in (protocol.tasks or (task,))
+        and protocol.flags(task).items() <= settings.items()
+    )
+    return next(named, OWN)
