@@ -92,9 +92,7 @@ class Recipe:
         if view not in schema.VIEWS:
             raise InvalidChoice(f"last folder of dataset.root in {files[name]}", view, get_args(schema.View))
         if type_ != policy:
-            raise BimanualError(
-                f"{files[name]} trains {type_!r}, but is installed as a recipe for {policy!r}"
-            )
+            raise BimanualError(f"{files[name]} trains {type_!r}, but must train {policy!r}")
         return cls(sections, view, *numbers)
 
     @staticmethod

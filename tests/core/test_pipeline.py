@@ -318,7 +318,7 @@ def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(in
         ("steps: 4", "steps: [4", "is not a recipe"),
         ("save_freq: 2", "", r"is not a recipe.*save_freq"),
         ("keyframes", "images", "is 'images', but must be one of: frames, keyframes"),
-        ("{policy}", "theirs", "trains 'theirs', but is installed as a recipe for 'mine'"),
+        ("{policy}", "theirs", "trains 'theirs', but must train 'mine'"),
     ],
 )
 def test_a_file_that_says_too_little_is_refused_by_name(old, new, message, install_recipe):
