@@ -1,43 +1,46 @@
-"""What the simulated world costs on one core: control ticks and resets, observations, and plans.
+"""What the simulated world costs on one core: control ticks and resets, and observations.
 
 python benchmarks/world.py simulation --task=all
 python benchmarks/world.py observation --task=all
 python benchmarks/world.py observation --perturb=light:2,camera_moved:2
-python benchmarks/world.py planning --problems=200
+
+It prints a table for people, and as its last line the same figures as JSON.
 """
 
 import argparse
-import contextlib
+import json
+import os
 import statistics
 import time
-from collections import defaultdict
+from collections.abc import Callable
 from typing import Any
 from unittest import mock
 
-import numpy as np
-from harness import Figures, cpu_s, interleaved_cpu_s, parser, report, tasks_of
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
 
-from lerobot_bimanual.arms import ARMS, Arm
-from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.geometry.workspace import Workspace
-from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+import pandas as pd
+
+from lerobot_bimanual.terminal import print_table
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode
-from lerobot_env_bimanual.motion.planner import KeyposeFailure, KeyposePlanner, Plan
-from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 SEED = 0
-HANDS = {
-    Arm.LEFT: Workspace((0.0, -0.1, 0.85), (0.4, 0.4, 1.25)),
-    Arm.RIGHT: Workspace((0.1, -0.45, 0.85), (0.5, 0.1, 1.25)),
-}
-"""Where random hand positions are drawn: each on its own side, with a common strip in which the arms meet."""
-LINE_M = 0.4
+
+type Figures = dict[str, float]
+
+
+def cpu_s(work: Callable[[], object], calls: int = 1) -> float:
+    """CPU seconds of this process, with all its threads, per call."""
+    start = time.process_time()
+    for _ in range(calls):
+        work()
+    return (time.process_time() - start) / calls
 
 
 def simulation(options: argparse.Namespace) -> dict[str, Figures]:
     """How fast the simulation runs: control ticks at rest and in experts' episodes, and resets."""
-    return {task: _ticks_and_resets(task, options) for task in tasks_of(options)}
+    return {task: _ticks_and_resets(task, options) for task in resolve_tasks(options.task)}
 
 
 def _ticks_and_resets(task: str, options: argparse.Namespace) -> Figures:
@@ -78,7 +81,7 @@ def observation(options: argparse.Namespace) -> dict[str, Figures]:
     """
     chosen = {"nominal": ""} | {perturb: perturb for perturb in options.perturb.split(",") if perturb}
     rows: dict[str, Figures] = {}
-    for task in tasks_of(options):
+    for task in resolve_tasks(options.task):
         size = str(options.image_size)
         envs = [BimanualEnv(task, split="val", image_size=size, perturb=each) for each in chosen.values()]
         for env in envs:
@@ -89,7 +92,8 @@ def observation(options: argparse.Namespace) -> dict[str, Figures]:
                 appearance = env.scene.appearance
                 env.scene.restore_state(state)
                 env.scene.appearance = appearance  # of its own episode
-            least.append(interleaved_cpu_s([env.observe for env in envs], options.rounds))
+            turns = [[cpu_s(env.observe) for env in envs] for _ in range(options.rounds)]
+            least.append([min(times) for times in zip(*turns, strict=True)])
         for env in envs:
             env.close()
         means = [statistics.mean(times) for times in zip(*least, strict=True)]
@@ -111,64 +115,20 @@ def _states_of(task: str, moments: int) -> list[Any]:
     return [states[number * len(states) // moments] for number in range(moments)]
 
 
-def planning(options: argparse.Namespace) -> dict[str, Figures]:
-    """How long it takes to plan random keyposes, and from where they lead, straight lines of both hands."""
-    rng, scene = np.random.default_rng(1), Scene()
-    planner = KeyposePlanner(scene)
-    times: defaultdict[str, list[float]] = defaultdict(list)
-
-    def plan(kind: str, poses: dict[Arm, Pose], ignore_collisions: bool) -> Plan | None:
-        """The plan, None where the keypose is refused; notes its CPU milliseconds."""
-        keyposes = (
-            Keypose(poses[arm], gripper_open=True, ignore_collisions=ignore_collisions) for arm in ARMS
-        )
-        keypose, start, found = BimanualKeypose(*keyposes), time.process_time(), None
-        with contextlib.suppress(KeyposeFailure):
-            found = planner.plan(keypose, rng)
-        times[kind].append(1e3 * (time.process_time() - start))
-        return found
-
-    for _ in range(options.problems):
-        poses = {arm: _random_pose(arm, rng) for arm in ARMS}
-        found = plan("a keypose, free motion", poses, ignore_collisions=False)
-        for action in found.actions if found else ():
-            scene.tick(action)
-        if found:
-            further = {arm: _shifted(pose, rng) for arm, pose in poses.items()}
-            plan(f"straight lines of {LINE_M} m", further, ignore_collisions=True)
-    return {
-        kind: {
-            "problems": len(each),
-            "median ms": float(np.median(each)),
-            "99 % ms": float(np.percentile(each, 99)),
-        }
-        for kind, each in times.items()
-    }
-
-
-def _random_pose(arm: Arm, rng: np.random.Generator) -> Pose:
-    """A hand that points down or towards the other side, tilted by up to 45 degrees."""
-    side = -1.0 if arm is Arm.LEFT else 1.0
-    approach = np.array([(0.0, 0.0, -1.0), (0.0, side, 0.0)][rng.integers(2)]) + rng.uniform(-0.5, 0.5, 3)
-    return Pose.looking(HANDS[arm].sample(rng), approach, rng.normal(size=3))
-
-
-def _shifted(pose: Pose, rng: np.random.Generator) -> Pose:
-    """The same orientation, `LINE_M` away in a random direction."""
-    direction = rng.normal(size=3)
-    return pose.translated(LINE_M * direction / np.linalg.norm(direction))
-
-
 def main() -> None:
-    arguments = parser(__doc__)
-    arguments.add_argument("what", choices=("simulation", "observation", "planning"))
+    arguments = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    arguments.add_argument("what", choices=("simulation", "observation"))
+    arguments.add_argument("--task", default="lift_ball", help="task and suite names, comma separated")
+    arguments.add_argument("--rounds", type=int, default=5, help="repetitions; the fastest counts")
     arguments.add_argument("--resets", type=int, default=10)
     arguments.add_argument("--perturb", default="", help="perturbations AXIS:LEVEL, one at a time")
     arguments.add_argument("--image_size", type=int, default=256)
     arguments.add_argument("--moments", type=int, default=10, help="of the episode")
-    arguments.add_argument("--problems", type=int, default=200, help="keyposes to plan")
     options = arguments.parse_args()
-    report(f"{options.what}, CPU time", globals()[options.what](options))
+    title, figures = f"{options.what}, CPU time", globals()[options.what](options)
+    cells = pd.DataFrame(figures).T.map("{:.4g}".format)
+    print_table(cells.rename_axis("").reset_index(), title)
+    print(json.dumps({"benchmark": title, "figures": figures}))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from lerobot_bimanual.cli.lerobot_program import TRUST_FLAG, run_program
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_env_bimanual.options import EnvOptions
 
-CONFIG = ("lerobot.configs.eval", "EvalPipelineConfig")
 OWN_OPTIONS = {field.name for field in fields(EnvOptions)}
 
 
@@ -20,7 +19,7 @@ def main() -> int:
     """Run `lerobot-eval` with the flags of this process; `--env.type` is `bimanual` unless it is given."""
     if not any(word.partition("=")[0] in ("--env.type", "--config_path") for word in sys.argv):
         sys.argv.insert(1, "--env.type=bimanual")
-    return run_program("lerobot-bimanual-eval", CONFIG, _check, _evaluate, progress=False)
+    return run_program("lerobot-bimanual-eval", "EvalPipelineConfig", _check, _evaluate, progress=False)
 
 
 def _check(values: Mapping[str, str]) -> None:

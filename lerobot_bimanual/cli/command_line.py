@@ -22,7 +22,7 @@ ENTRY_POINTS = "lerobot_bimanual.commands"
 TRACEBACK_VARIABLE = "LEROBOT_BIMANUAL_TRACEBACK"
 HELP_FLAGS = ("-h", "--help")
 SECTIONS = {
-    **dict.fromkeys(("demo", "doctor", "task"), "start"),
+    **dict.fromkeys(("doctor", "task"), "start"),
     "dataset": "data",
     **dict.fromkeys(("expert", "policy"), "train and score"),
     "results": "maintain",
@@ -75,7 +75,7 @@ def answered(program: str, work: Callable[[], int]) -> int:
 
 
 def find_commands(group: str = "") -> dict[str, EntryPoint]:
-    """All commands, or those of a group, by name ("dataset verify", "demo"), sorted; none of their modules is imported."""
+    """All commands, or those of a group, by name ("dataset verify", "doctor"), sorted; none of their modules is imported."""
     found = entries(ENTRY_POINTS)
     return {name: entry for name, entry in found.items() if name.startswith(group and f"{group} ")}
 

@@ -3,41 +3,37 @@
 What the sources do not say is let through, and LeRobot decides.
 """
 
-import ast
 import pkgutil
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
 from lerobot_bimanual.cli.flags import BadCommandLine
 from lerobot_bimanual.distributions import location
 from lerobot_bimanual.errors import InvalidChoice, did_you_mean, plain
-from lerobot_bimanual.files import read_json, read_yaml
+from lerobot_bimanual.files import read_yaml
 
 ALWAYS = ("config_path", "help", "trust_checkpoint")
 OF_CHOICES = ("type", "path", "discover_packages_path")
 """Flags of every config that has several kinds, such as `--policy.type`."""
-FAMILIES = {
-    "PreTrainedConfig": ("lerobot.policies", "lerobot_policy_"),
-    "EnvConfig": ("lerobot.envs", "lerobot_env_"),
-}
-"""Base of several kinds of configs -> LeRobot's package of them, and how the names of other packages of them begin."""
-WITHOUT_FIELDS = ("draccus.ChoiceRegistry", "HubMixin", "abc.ABC")
-KIND = re.compile(r"register_subclass\(\s*(?:name=)?\"(\w+)\".*?^class (\w+)", re.DOTALL | re.MULTILINE)
-CLASS_NAME = re.compile(r"[A-Za-z_][\w.]*")
-
-type Source = tuple[str, ast.ClassDef]
-"""A module, and a class in its source."""
+SECTIONS = {"dataset": "DatasetConfig", "eval": "EvalConfig", "wandb": "WandBConfig"}
+"""Prefix of flags -> class in LeRobot's configs whose fields they are."""
+FAMILIES = {"policy": ("lerobot.policies", "lerobot_policy_"), "env": ("lerobot.envs", "lerobot_env_")}
+"""Prefix of flags of a config that has several kinds -> LeRobot's package of them, and how the names of other packages begin."""
+CLASS = re.compile(r"^class (\w+).*\n((?:(?: .*)?\n)*)", re.MULTILINE)
+FIELD = re.compile(r"^    (\w+): ", re.MULTILINE)
+KIND = re.compile(r"^@\w+\.register_subclass\(\s*(?:name=)?\"(\w+)\"", re.MULTILINE)
 
 
-def check_flags(words: Sequence[str], module: str, name: str) -> dict[str, str]:
-    """The values of flags by name, if a program of LeRobot knows them all; with kinds and paths that its config file names.
+def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
+    """The values of flags by name, if a program of LeRobot may know them; with kinds and paths that its config file names.
+
+    Flags of a policy or an environment may be those of any kind.
 
     Args:
         words: of the command line, after the program.
-        module: where the class of the program's config is found.
-        name: of that class.
+        config: name of the class of the program's config.
 
     Raises:
         BadCommandLine: a flag is unknown.
@@ -46,10 +42,18 @@ def check_flags(words: Sequence[str], module: str, name: str) -> dict[str, str]:
     """
     given = dict(_assignments(words))
     values = _of_file(given.get("config_path", "")) | given
-    known = {*ALWAYS, *_flags(_find(module, name), "", values)}
-    unchecked = tuple(flag for flag in known if flag.endswith(".") or not flag)
+    known = {*ALWAYS, *_flags(config)}
+    for family in FAMILIES:
+        kind = values.get(f"{family}.type")
+        if kind is not None and f"{family}.discover_packages_path" not in values:
+            kinds = KIND.findall(_text(family))
+            if kind not in kinds:
+                raise InvalidChoice(f"--{family}.type", kind, sorted(kinds))
     for flag in given:
-        if flag not in known and not flag.startswith(unchecked):
+        section, _, rest = flag.partition(".")
+        field = rest.partition(".")[0]
+        is_checked = not rest or section in (*SECTIONS, *FAMILIES)
+        if section not in known or (is_checked and field and f"{section}.{field}" not in known):
             guess = did_you_mean(f"--{flag}", [f"--{each}" for each in sorted(known)])
             raise BadCommandLine(
                 f"unknown flag --{plain(flag)}.{guess} `--help` lists the flags, after LeRobot's import."
@@ -81,90 +85,22 @@ def _of_file(place: str) -> dict[str, str]:
     }
 
 
-def _flags(source: Source | None, prefix: str, values: Mapping[str, str]) -> Iterator[str]:
-    """Yield the flags of a class and of the classes of its fields; a prefix alone where its flags are not known."""
-    fields = _fields(source)
-    if fields is None:
-        yield prefix
-        return
-    for name, (module, annotation) in fields.items():
-        yield (flag := prefix + name)
-        for inner in filter(None, (_find(module, each) for each in CLASS_NAME.findall(annotation))):
-            if "ChoiceRegistry" in ast.unparse(inner[1]):
-                yield from (f"{flag}.{each}" for each in OF_CHOICES)
-                inner = _chosen(inner[1].name, flag, values)
-            yield from _flags(inner, f"{flag}.", values)
-
-
-def _chosen(family: str, flag: str, values: Mapping[str, str]) -> Source | None:
-    """The config of the kind that a command line chooses; None where it is not known here."""
-    kind, path = values.get(f"{flag}.type"), values.get(f"{flag}.path")
-    if path is not None:
-        config = Path(path) / "config.json"
-        content = read_json(config) if config.is_file() else {}
-        kind = content.get("type") if isinstance(content, dict) else None
-    if kind is None or family not in FAMILIES or f"{flag}.discover_packages_path" in values:
-        return None
-    kinds = _kinds(*FAMILIES[family])
-    if str(kind) not in kinds:
-        raise InvalidChoice(f"--{flag}.type", kind, sorted(kinds))
-    return _find(*kinds[str(kind)])
+def _flags(config: str) -> Iterator[str]:
+    """Yield the flags of a program, without those of sections that LeRobot alone knows."""
+    classes = {name: FIELD.findall(block) for name, block in CLASS.findall(_text("configs"))}
+    yield from classes[config]
+    for section, name in SECTIONS.items():
+        yield from (f"{section}.{field}" for field in classes[name])
+    yield from (f"policy.{field}" for field in classes["PreTrainedConfig"])
+    for family in FAMILIES:
+        yield from (f"{family}.{field}" for field in (*OF_CHOICES, *FIELD.findall(_text(family))))
 
 
 @cache
-def _kinds(package: str, beginning: str) -> dict[str, tuple[str, str]]:
-    """Kind -> module and class of its config, of LeRobot and of other installed packages."""
-    found = {}
-    for top in (package, *(each.name for each in pkgutil.iter_modules() if each.name.startswith(beginning))):
-        if folder := location(top):
-            for path in sorted([*folder.glob("*.py"), *folder.glob("*/configuration_*.py")]):
-                module = ".".join((top, *path.relative_to(folder).with_suffix("").parts))
-                found |= {
-                    kind: (module, name) for kind, name in KIND.findall(path.read_text(encoding="utf-8"))
-                }
-    return found
-
-
-def _fields(source: Source | None) -> dict[str, tuple[str, str]] | None:
-    """Field -> module of its class and its annotation, those of base classes included; None if one of these is not found."""
-    if source is None:
-        return None
-    module, node = source
-    found: dict[str, tuple[str, str]] = {}
-    for base in reversed([ast.unparse(each) for each in node.bases]):
-        inherited = {} if base in WITHOUT_FIELDS else _fields(_find(module, base))
-        if inherited is None:
-            return None
-        found |= inherited
-    for each in node.body:
-        if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name):
-            found[each.target.id] = module, ast.unparse(each.annotation)
-    return found
-
-
-@cache
-def _find(module: str, name: str) -> Source | None:
-    """The class that a module knows by a name, wherever it is written; None if there is none."""
-    tree, is_package = _tree(module)
-    head, _, rest = name.partition(".")
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef) and node.name == name:
-            return module, node
-        if isinstance(node, ast.ImportFrom):
-            parts = module.split(".")
-            kept = len(parts) + is_package - node.level if node.level else 0
-            origin = ".".join([*parts[:kept], *filter(None, [node.module])])
-            for alias in node.names:
-                if (alias.asname or alias.name) == head:
-                    return _find(f"{origin}.{alias.name}", rest) if rest else _find(origin, alias.name)
-    return None
-
-
-@cache
-def _tree(module: str) -> tuple[ast.Module, bool]:
-    """The source of a module, and whether it is a package."""
-    place = location(module)
-    for path in (place / "__init__.py", place.with_suffix(".py")) if place else ():
-        if path.is_file():
-            return ast.parse(path.read_text(encoding="utf-8")), path.stem == "__init__"
-    return ast.Module([], []), False
+def _text(family: str) -> str:
+    """The sources of a family of configs, of LeRobot and of installed plugins; those of "configs" are LeRobot's others."""
+    package, beginning = FAMILIES.get(family, ("lerobot.configs", "lerobot.configs"))
+    plugins = [each.name for each in pkgutil.iter_modules() if each.name.startswith(beginning)]
+    folders = filter(None, map(location, (package, *plugins)))
+    paths = [path for folder in folders for path in (*folder.glob("*.py"), *folder.glob("*/config*.py"))]
+    return "".join(path.read_text(encoding="utf-8") for path in sorted(paths))

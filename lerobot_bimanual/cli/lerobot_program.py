@@ -52,7 +52,7 @@ class Filtered:
 
 def run_program(
     program: str,
-    config: tuple[str, str],
+    config: str,
     check: Callable[[Mapping[str, str]], None],
     work: Callable[[Mapping[str, str]], object],
     progress: bool,
@@ -61,7 +61,7 @@ def run_program(
 
     Args:
         program: its name.
-        config: module and class of LeRobot's config of its flags.
+        config: class of LeRobot's config of its flags.
         check: checks the values of flags by name before LeRobot is imported.
         work: imports LeRobot and does the work; it gets the same values.
         progress: whether LeRobot's bars and reports are shown, not only ours.
@@ -69,7 +69,7 @@ def run_program(
 
     def main() -> int:
         words = sys.argv[1:]
-        values = check_flags(words, *config)
+        values = check_flags(words, config)
         if "help" not in values:
             if path := values.get("policy.path"):
                 require_checkpoint_if_local(path)

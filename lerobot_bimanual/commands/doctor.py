@@ -73,7 +73,7 @@ def doctor(config: DoctorConfig) -> int:
             console.print(Text(f"\n{finding.subject}: {finding.remedy}"), soft_wrap=True)
     if any(finding.level == "fail" for finding in findings):
         return 1
-    show_next("lerobot-bimanual", "demo")
+    show_next("lerobot-bimanual", "policy", "benchmark", "--device=cpu")
     return 0
 
 

@@ -1,10 +1,9 @@
-"""Two simulated arms as a LeRobot robot, and a keyboard as their leader.
+"""Two simulated arms as a LeRobot robot.
 
-LeRobot's plugin discovery imports this package by its name's prefix; then the robot type `bimanual_sim` and the
-teleoperator type `bimanual_keyboard` are registered. MuJoCo is loaded with the first robot.
+LeRobot's plugin discovery imports this package by its name's prefix; then the robot type `bimanual_sim` is registered.
+MuJoCo is loaded with the first robot.
 """
 
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
-from lerobot_robot_bimanual.config_leaders import BimanualKeyboardConfig
 
-__all__ = ["BimanualKeyboardConfig", "BimanualSimConfig"]
+__all__ = ["BimanualSimConfig"]

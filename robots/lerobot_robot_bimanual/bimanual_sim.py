@@ -11,7 +11,7 @@ from lerobot.robots.robot import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import JOINTS_PER_ARM
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.joint_action import CONTROL_HZ, JOINT_ACTION_DIM, by_arm
@@ -19,13 +19,14 @@ from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.observations import PIXELS, env_key
+from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
-from lerobot_robot_bimanual.leader_arms import HOME
 
 logger = logging.getLogger(__name__)
 
 TICK_S = 1 / CONTROL_HZ
+HOME = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
 AT_HOME_RAD = 1e-3
 """Both hands count as sent home when no joint target is further from it than this."""
 AWAY_RAD = 0.05
@@ -83,8 +84,8 @@ class BimanualSim(Robot):
     limits are clipped, a NaN raises.
 
     **The next episode begins when both hands are sent home** after one of them has left it. That is what LeRobot does by
-    itself between the episodes of `lerobot-rollout --strategy.type=episodic`, and what one key of our keyboard does
-    in the reset phase of `lerobot-record`. An episode that is solved stands still until then.
+    itself between the episodes of `lerobot-rollout --strategy.type=episodic`, and what a person does in the reset phase of
+    `lerobot-record`. An episode that is solved stands still until then.
 
     Attributes:
         config: what was chosen.
@@ -97,7 +98,7 @@ class BimanualSim(Robot):
     def __init__(self, config: BimanualSimConfig):
         super().__init__(config)
         self.config = config
-        self._options = config.env_options()
+        self._options = EnvOptions(**config.keywords())
         self.cameras = () if self._options.obs == "state" else self._options.camera_names
         self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
         self._env: UntimedEnv | None = None

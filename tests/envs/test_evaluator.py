@@ -19,7 +19,7 @@ FIRST, SECOND = (EpisodeSpec("lift_ball", "0", "val", seed, "expert") for seed i
 @pytest.mark.sim
 def test_an_interrupted_run_plays_only_what_is_missing(tmp_path):
     log = EpisodeLog(tmp_path / "log.jsonl")
-    log.add(FIRST, outcome(last_move="from the log"))
+    log.keep(FIRST, outcome(last_move="from the log"))
     with Evaluator(1, log) as running:
         first, second = running.play([FIRST, SECOND], "expert")
     assert first == outcome(last_move="from the log")
@@ -132,8 +132,8 @@ def test_an_accident_is_an_error_that_names_its_episode_and_all_others_are_kept(
 def test_the_log_forgets_episodes_of_other_versions(tmp_path):
     path = tmp_path / "some" / "log.jsonl"
     log = EpisodeLog(path)
-    log.add(FIRST, outcome())
-    log.add(SECOND, outcome(success=False))
+    log.keep(FIRST, outcome())
+    log.keep(SECOND, outcome(success=False))
     assert EpisodeLog(path).get(SECOND) == outcome(success=False)
     header, _, lines = path.read_text().partition("\n")
     path.write_text(header.replace('"mujoco": "3', '"mujoco": "2') + "\n" + lines)
@@ -147,7 +147,7 @@ def test_the_log_forgets_episodes_of_another_packages_task_whose_file_has_change
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(TASKS.modules, "their_task", "their_task")
     path = tmp_path / "log.jsonl"
-    EpisodeLog(path).add(FIRST, outcome())
+    EpisodeLog(path).keep(FIRST, outcome())
     assert EpisodeLog(path).get(FIRST) == outcome()
     (tmp_path / "their_task.py").write_text("MASS_KG = 2")
     assert EpisodeLog(path).get(FIRST) is None
@@ -157,8 +157,8 @@ def test_the_log_forgets_episodes_of_another_packages_task_whose_file_has_change
 def test_the_episode_of_a_damaged_line_of_the_log_is_played_again(damage, tmp_path):
     path = tmp_path / "log.jsonl"
     log = EpisodeLog(path)
-    log.add(FIRST, outcome())
-    log.add(SECOND, outcome())
+    log.keep(FIRST, outcome())
+    log.keep(SECOND, outcome())
     header, _, last = path.read_text().splitlines()
     path.write_bytes("\n".join([header, damage, last, ""]).encode("latin-1"))
     again = EpisodeLog(path)

@@ -220,10 +220,10 @@ def test_a_replay_of_other_actions_and_keyframes_at_other_ticks_are_reported(env
     assert not keyframes_found(np.array(actions), [ticks[0] + 5, ticks[1] - 5, *ticks[2:]])
 
     def changed(env, seed, variation, actions, hashes):
-        return replay(env, seed, variation, [actions[0] + np.float32(1e-6), *actions[1:]], hashes)
+        return replays(env, seed, variation, [actions[0] + np.float32(1e-6), *actions[1:]], hashes)
 
-    replay = load_module.replay
-    monkeypatch.setattr(load_module, "replay", changed)
+    replays = load_module.replays
+    monkeypatch.setattr(load_module, "replays", changed)
     assert run_measured(env, MEASURED_SEED, expert(), "keypose").replayed is False
 
 

@@ -10,12 +10,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_env_bimanual.commands.task_list import (
-    TaskListConfig,
-    TaskPerturbationsConfig,
-    task_list,
-    task_perturbations,
-)
+from lerobot_env_bimanual.commands.task_list import TaskListConfig, task_list
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
@@ -137,13 +132,3 @@ def test_a_perturbed_world_has_a_version_of_its_own_even_if_it_only_looks_differ
         world_version("lift_ball", perturb) for perturb in ("", "mass:1", "camera_moved:1", "camera_moved:2")
     ]
     assert len(set(versions)) == len(versions)
-
-
-def test_all_axes_are_listed_with_their_levels_or_those_of_a_group(capsys):
-    task_perturbations(TaskPerturbationsConfig())
-    listed = capsys.readouterr().out
-    assert [line.split()[0] for line in listed.splitlines() if line[0] != " "] == list(AXES.names)
-    task_perturbations(TaskPerturbationsConfig(group="words"))
-    listed = capsys.readouterr().out
-    assert listed.startswith("instruction  (words)")
-    assert "levels 1 to 3: 1, 2, 3 steps" in listed

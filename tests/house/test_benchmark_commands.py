@@ -1,7 +1,6 @@
 """What a benchmark would run: every command is valid, and flags that cannot be meant are refused before anything runs."""
 
 import shlex
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,6 @@ from documents import parse
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, resolve
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import SIZES
-from lerobot_bimanual.commands.demo import DemoConfig
 from lerobot_bimanual.commands.policy_benchmark import policy_benchmark
 
 STOCK = {"act", "diffusion"}
@@ -44,18 +42,6 @@ def test_the_commands_of_a_benchmark_are_valid(policy: str, recipe, tmp_path: Pa
     assert ("--depth=false" in commands[0]) == is_stock
     assert ("--env.obs=rgb" in commands[-1]) == is_stock
     assert ("_rgb_" in Plan.of(config).dataset.name) == is_stock
-
-
-def test_the_demo_is_a_benchmark_of_one_checkpoint_with_videos(tmp_path: Path):
-    config = DemoConfig(output=tmp_path / "a folder")
-    as_benchmark = config.benchmark()
-    shared = {field.name for field in fields(DemoConfig)} & {field.name for field in fields(BenchmarkConfig)}
-    assert all(getattr(as_benchmark, name) == getattr(config, name) for name in shared)
-    commands = commands_of(as_benchmark)
-    for words in commands:
-        parse(*words)
-    assert [words[0] for words in commands][3:] == ["lerobot-bimanual-train", "lerobot-eval"]
-    assert f"--env.video_dir={config.video_folder}" in commands[-1]
 
 
 def test_a_dry_run_prints_and_runs_nothing(tmp_path: Path, capsys):

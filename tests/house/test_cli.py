@@ -72,7 +72,7 @@ def test_help_lists_commands_by_section_and_group_without_importing_them(greetin
     assert "greeting_commands" not in sys.modules
     assert cli.main(["dataset"]) == 0
     found = re.findall(r"^  dataset (\w+)  ", capsys.readouterr().out, re.M)
-    assert found == ["generate", "push", "regenerate", "replay", "verify"]
+    assert found == ["generate", "push", "regenerate", "verify"]
 
 
 def test_help_of_a_command_shows_its_text_flags_and_examples(greeting, capsys):
@@ -171,7 +171,7 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
     exceptions: dict[tuple[str, str], object] = {("dataset generate", "split"): "train"}
     exceptions |= {("task view", "episodes"): 1}  # pictures of each
     exceptions[("policy robustness", "episodes")] = 20  # of some sixty conditions
-    one_task = ("demo", "policy benchmark", "task view")
+    one_task = ("policy benchmark", "task view")
     exceptions |= {(command, "task"): "lift_ball" for command in one_task}
     required = ("dataset generate", "policy robustness")  # hours of work
     exceptions |= {(command, "task"): dataclasses.MISSING for command in required}

@@ -154,8 +154,7 @@ def test_an_output_that_cannot_be_written_is_named_before_the_work(command, tmp_
     for name in WORK:
         monkeypatch.setattr(name, refuse)
     monkeypatch.setattr("lerobot_bimanual.dataset.reader.find_view", lambda *_: None)
-    for module in ("policy_benchmark", "demo"):
-        monkeypatch.setattr(f"lerobot_bimanual.commands.{module}.check_task", lambda _: None)
+    monkeypatch.setattr("lerobot_bimanual.commands.policy_benchmark.check_task", lambda _: None)
     (tmp_path / "file").touch()
     assert (
         cli.main([*command.split(), *NEEDED.get(command, []), f"--output={tmp_path / 'file/page.png'}"]) == 1

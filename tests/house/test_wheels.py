@@ -133,7 +133,7 @@ def test_a_wheel_holds_exactly_its_package_with_types_and_licence(name: str, whe
 def test_the_wheels_are_used_without_checkout_and_network(python: Path) -> None:
     succeed(python, "-c", NO_NETWORK + USE)
     shown = succeed(python, "-m", "lerobot_bimanual.cli", "--help")
-    assert all(f"\n  {command} " in shown for command in ("demo", "dataset generate", "policy benchmark"))
+    assert all(f"\n  {command} " in shown for command in ("doctor", "dataset generate", "policy benchmark"))
 
 
 def test_environment_experts_films_and_reports_need_neither_lerobot_nor_torch(slim_python, tmp_path):
@@ -148,7 +148,7 @@ assert not any(map(find_spec, ("lerobot", "torch", "datasets", "pyarrow")))
     succeed(slim_python, *ours, "expert", "evaluate", "--task=push_box", "--episodes=1", f"--output={report}")
     assert report.is_file()
     succeed(slim_python, *ours, "doctor")
-    for command in ("dataset generate", "dataset verify", "policy robustness", "results verify", "demo"):
+    for command in ("dataset generate", "dataset verify", "policy robustness", "results verify"):
         told = succeed(slim_python, *ours, *command.split(), code=1)
         assert f"`{command}` needs lerobot, which is not installed: pip install 'lerobot_" in told
         assert len(told.splitlines()) == 1

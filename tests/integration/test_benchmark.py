@@ -83,9 +83,7 @@ def test_benchmarks_of_several_tasks_score_one_network(small):
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SMALL = (
-    "policies.py --policies peract2 --rounds=1",
     "world.py observation --moments=1 --rounds=1 --image_size=32 --perturb=light:1",
-    "world.py planning --problems=1",
     "world.py simulation --rounds=1 --resets=1",
 )
 

@@ -24,8 +24,7 @@ register_third_party_plugins()
 from lerobot.configs.policies import PreTrainedConfig
 from lerobot.envs.configs import EnvConfig
 from lerobot.robots.config import RobotConfig
-from lerobot.teleoperators.config import TeleoperatorConfig
-kinds = {"envs": EnvConfig, "policies": PreTrainedConfig, "robots": RobotConfig, "teleoperators": TeleoperatorConfig}
+kinds = {"envs": EnvConfig, "policies": PreTrainedConfig, "robots": RobotConfig}
 found = {
     kind: {name: config.__module__ for name, config in base.get_known_choices().items()}
     for kind, base in kinds.items()
@@ -40,10 +39,9 @@ def discovery(tmp_path_factory) -> Any:
     return json.loads(next(line for line in printed.splitlines() if line.startswith("{")))
 
 
-def test_lerobot_finds_the_environment_the_robot_and_the_teleoperator(discovery: Any) -> None:
+def test_lerobot_finds_the_environment_and_the_robot(discovery: Any) -> None:
     assert discovery["envs"]["bimanual"].startswith("lerobot_env_bimanual.")
     assert discovery["robots"]["bimanual_sim"].startswith("lerobot_robot_bimanual.")
-    assert discovery["teleoperators"]["bimanual_keyboard"].startswith("lerobot_robot_bimanual.")
 
 
 def test_every_policy_follows_the_naming_by_which_lerobot_finds_its_class(discovery: Any) -> None:
@@ -75,10 +73,9 @@ def test_core_alone_loads_no_heavy_library(tmp_path) -> None:
 @pytest.mark.parametrize(("family", "base"), [("policy", PreTrainedConfig), ("env", EnvConfig)])
 def test_the_flags_that_are_read_from_sources_are_those_of_the_configs(family, base) -> None:
     register_third_party_plugins()
-    of_program = ("lerobot.configs.train", "TrainPipelineConfig")
     for kind, config in base.get_known_choices().items():
         flags = [f"--{family}.{each.name}=1" for each in fields(config) if each.init]
         flags += [f"--{each.name}=1" for each in fields(TrainPipelineConfig) if each.init]
-        check_flags([f"--{family}.type={kind}", *flags], *of_program)
+        check_flags([f"--{family}.type={kind}", *flags], "TrainPipelineConfig")
         with pytest.raises(BadCommandLine, match=f"--{family}.no_such_flag"):
-            check_flags([f"--{family}.type={kind}", f"--{family}.no_such_flag=1"], *of_program)
+            check_flags([f"--{family}.type={kind}", f"--{family}.no_such_flag=1"], "TrainPipelineConfig")

@@ -12,7 +12,6 @@ from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert
-from lerobot_env_bimanual.replay import replay_recorded
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
@@ -49,7 +48,9 @@ def records(tmp_path_factory):
     return folder / "lift_ball_test_record.json"
 
 
-def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views(records, tmp_path, capsys):
+def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views(
+    records, played_again, tmp_path, capsys
+):
     played = EvaluationRecord.read(records).episodes
     assert [episode.success for episode in played] == [True, True, False, False]
     root = tmp_path / "played"
@@ -65,10 +66,7 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views
         assert [bool(row[feature_table.SUCCESS]) for row in last] == [True, True, False]
         assert [row[feature_table.FAILURE_CLASS] for row in last] == ["", "", "unreachable"]
     frames = RecordedDataset(root / "frames")
-    results = [replay_recorded(frames, index)[1] for index in range(3)]
-    assert [(result.divergence, result.ticks) for result in results] == [
-        (None, each.ticks) for each in played[:3]
-    ]
+    assert [played_again(frames, index) for index in range(3)] == [each.ticks for each in played[:3]]
     # The poses that discovery finds in joint actions are where keyposes lead.
     reached = RecordedDataset(root / "keyframes").episode(1).columns
     given, found = (

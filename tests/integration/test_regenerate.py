@@ -45,7 +45,6 @@ def test_a_dataset_of_a_perturbed_world_is_complete_sound_and_made_again(
     dataset_generate(config)
     assert "is already complete" in capsys.readouterr().out
     assert main(["dataset", "verify", f"--root={config.root}", "--workers=1"]) == 0
-    assert main(["dataset", "replay", f"--root={config.root}", "--workers=1"]) == 0
     assert "warning" not in capsys.readouterr().out
     provenance, again = config.root / PROVENANCE_FILE, tmp_path / "again" / "made"
     dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=again, workers=1))

@@ -15,7 +15,7 @@ from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.dataset.schema import STATE_HASH as HASH
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
-from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify
+from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify, parse_episodes
 from lerobot_env_bimanual.verification.columns import Player
 from lerobot_env_bimanual.verification.rendering import ALL_ROWS
 from lerobot_env_bimanual.verification.verifier import Thoroughness, Verifier, check_files
@@ -157,3 +157,12 @@ def test_rows_that_are_no_number_are_refused(generated) -> None:
     for rows in ("-1", "some"):
         with pytest.raises(BimanualError, match="number of rows per episode, such as 3, or 'all'"):
             dataset_verify(DatasetVerifyConfig(root=generated, render=rows))
+
+
+def test_episodes_are_chosen_by_index_or_range_and_refused_if_they_are_not_there() -> None:
+    assert parse_episodes("all", 3) == [0, 1, 2]
+    assert parse_episodes("2,0", 3) == [2, 0]
+    assert parse_episodes("1:3", 3) == [1, 2]
+    for text in ("3", "-1", "2:1", "x", "", "0:1000000000"):
+        with pytest.raises(BimanualError, match="from 0 to 2"):
+            parse_episodes(text, 3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -45,7 +44,6 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
         lerobot-bimanual dataset from-results --results=outputs/records --outcome=solved --view=frames --root=data/solved
     """
     from lerobot_bimanual.dataset.checksums import write_checksums
-    from lerobot_bimanual.dataset.hub import check_repo_id
     from lerobot_bimanual.dataset.merging import merge_datasets
     from lerobot_bimanual.dataset.schema import VIEWS
     from lerobot_bimanual.files import move_durably
@@ -53,13 +51,13 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     from lerobot_bimanual.terminal import show_next
     from lerobot_env_bimanual.generation.build import PRELOADED
     from lerobot_env_bimanual.generation.from_results import Replays, record_replays
+    from lerobot_env_bimanual.generation.settings import repo_id_of
     from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors
     from lerobot_env_bimanual.options import EnvOptions
     from lerobot_env_bimanual.verification.result_files import ResultFile
     from lerobot_env_bimanual.workers import WorkerPool
 
-    repo_id = config.repo_id or f"local/{re.sub(r'[^\w.-]', '_', config.root.absolute().name)}"
-    check_repo_id(repo_id)
+    repo_id = repo_id_of(config.repo_id, config.root)
     if config.root.exists():
         raise DatasetError(f"{config.root} is there already; choose another --root or remove it")
     results = [ResultFile.read(path) for path in result_paths(config.results)]

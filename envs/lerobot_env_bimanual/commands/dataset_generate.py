@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from dataclasses import dataclass, field
@@ -94,12 +93,9 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     Raises:
         BimanualError: an option is outside its choices; the message lists them.
     """
-    from lerobot_bimanual.dataset.hub import check_repo_id
-    from lerobot_env_bimanual.generation.settings import GenerationSettings
+    from lerobot_env_bimanual.generation.settings import GenerationSettings, repo_id_of
 
     check_range("workers", config.workers, 0)
-    if config.repo_id is not None:
-        check_repo_id(config.repo_id)
     options = EnvOptions(
         cameras=",".join(config.cameras), image_size=config.image_size, perturb=config.perturb
     )
@@ -117,7 +113,7 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
             "width": options.size[1],
             "perturb": options.perturb,
             "setting": config.setting,
-            "repo_id": config.repo_id or f"local/{re.sub(r'[^\w.-]', '_', config.root.absolute().name)}",
+            "repo_id": repo_id_of(config.repo_id, config.root),
         }
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import secrets
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
@@ -12,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_bimanual.terminal import print_table, say, show_next
-from lerobot_env_bimanual.commands.dataset_replay import parse_episodes
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
@@ -95,6 +95,30 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     dataset = (f"--dataset.repo_id=local/{config.root.name}", f"--dataset.root={views[0].root}")
     show_next("lerobot-bimanual-train", "--policy.type=peract2", "--policy.push_to_hub=false", *dataset)
     return PASSED
+
+
+def parse_episodes(text: str, count: int) -> list[int]:
+    """Episode indices that `all`, a comma list or a half-open range `a:b` means, of a dataset of `count` episodes.
+
+    Raises:
+        BimanualError: the text is invalid, or there is no such episode.
+    """
+    indices: Sequence[int] = ()
+    try:
+        if text == "all":
+            indices = range(count)
+        elif ":" in text:
+            indices = range(*map(int, text.split(":")))
+        else:
+            indices = [int(index) for index in text.split(",")]
+    except (ValueError, TypeError):
+        pass
+    if not indices or not all(0 <= index < count for index in indices):
+        raise BimanualError(
+            f"episode_indices is {text!r}, but must be 'all', indices such as 0,3,7 or a range such as 0:10, from 0 to "
+            f"{count - 1}"
+        )
+    return list(indices)
 
 
 def _views(root: Path) -> list[Path]:

@@ -1,4 +1,4 @@
-"""The commands `task list` and `task perturbations`."""
+"""The command `task list`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from lerobot_bimanual.terminal import show_next
-from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
 WIDTH = 110
@@ -59,29 +58,6 @@ def _row(name: str) -> dict[str, Any]:
         "success": [condition.name for condition in spec.success],
         "horizon_ticks": spec.horizon_ticks,
     }
-
-
-@dataclass
-class TaskPerturbationsConfig:
-    """Flags of `task perturbations`."""
-
-    # Kind of the axes.
-    group: Literal["all", "seen", "clutter", "bodies", "arms", "words", "time"] = "all"
-
-
-def task_perturbations(config: TaskPerturbationsConfig) -> None:
-    """List the axes of perturbation: levels, units, and where the numbers come from.
-
-    `--env.perturb=AXIS:LEVEL,...` of lerobot-eval, and `--perturb` of the commands, take them by name.
-
-    Examples:
-        lerobot-bimanual task perturbations --group=seen
-    """
-    for axis in AXES.all().values():
-        if config.group in ("all", axis.group):
-            levels = f"levels 1 to 3: {', '.join(f'{level:g}' for level in axis.levels)} {axis.unit}"
-            _print_paragraph(f"{axis.name}  ({axis.group})", (axis.summary, levels, f"source: {axis.source}"))
-    show_next("lerobot-bimanual", "task", "view", "--perturb=camera_moved:2")
 
 
 def _print_paragraph(title: str, texts: Iterable[str]) -> None:

@@ -42,8 +42,7 @@ def task_view(config: TaskViewConfig) -> None:
     r"""Watch an expert, or a trained policy, at one episode.
 
     Where there is a display, MuJoCo's interactive viewer opens and the episode is played in real time: turn with the
-    left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one
-    before. Closing the window ends the command.
+    left mouse button, move with the right one, zoom with the wheel. One seed follows the other until the window is closed.
 
     Where there is none, or with `--window=false`, a video is written instead.
 
@@ -100,11 +99,9 @@ def _play(config: TaskViewConfig, reason: str) -> None:
         players["policy"] = policy_player(config.checkpoint)
     env = BimanualEnv(config.task, options=_options(config))
     if not reason:
-        from lerobot_env_bimanual.viewer import KEYS, Performance
+        from lerobot_env_bimanual.viewer import watch
 
-        print(KEYS)
-        name, player = players.popitem()
-        Performance(env, player, name, config.first_seed).run()
+        watch(env, players.popitem()[1], config.first_seed)
         env.close()
         return
     print(f"{reason}, so a video of {' and '.join(players)} is written")

@@ -16,11 +16,11 @@ constant within a tick and step between two within one step of physics.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import state_hash_column
@@ -29,13 +29,15 @@ from lerobot_bimanual.results.episode import LoadMetrics
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
-from lerobot_env_bimanual.replay import ReplayMode, replay
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contact_forces import AT_REST_N, ContactForces, felt
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.worlds import MAX_FORCE_N
+
+type ReplayMode = Literal["none", "joint", "keypose"]
+"""By joint actions, one per tick, or by keyposes, a whole motion each."""
 
 SATURATED = 0.999
 """Share of its limit from which on a motor gives all it has."""
@@ -168,7 +170,7 @@ def _peak(values: NDArray[np.float64]) -> float:
 
 
 def run_measured(
-    env: BimanualEnv, seed: int, player: Player, replay_mode: ReplayMode | Literal["none"] = "none"
+    env: BimanualEnv, seed: int, player: Player, replay_mode: ReplayMode = "none"
 ) -> EpisodeOutcome:
     """Play one episode of an expert, and measure it if it is solved.
 
@@ -198,10 +200,37 @@ def run_measured(
         "keyframes_found": keyframes_found(np.array(actions), [move.ticks for move in outcome.moves]),
     }
     if replay_mode != "none":
-        columns = dict(enumerate([*hashes, state_hash_column(env.state_hash())]))
+        hashes.append(state_hash_column(env.state_hash()))
         again = actions if replay_mode == "joint" else keyposes
-        found["replayed"] = replay(env, seed, env.variation, again, columns).matches
+        found["replayed"] = replays(env, seed, env.variation, again, hashes)
     return outcome.model_copy(update=found)
+
+
+def replays(
+    env: BimanualEnv, seed: int, variation: int, actions: Iterable[ArrayLike], hashes: Sequence[int]
+) -> bool:
+    """Whether actions from a seed solve the episode through the recorded states, bit for bit, and no others.
+
+    Args:
+        env: environment of the episode's task, whose control mode takes the actions.
+        seed: seed of the episode.
+        variation: index of its variation.
+        actions: recorded joint actions (16,) or keyposes (18,), all of them.
+        hashes: of the state before every tick and at the end, as datasets store them.
+    """
+    again = list[int]()
+
+    def note(env: BimanualEnv, _: NDArray | None = None) -> None:
+        again.append(state_hash_column(env.state_hash()))
+
+    env.reset(seed=seed, options={"variation": variation})
+    with env.observed_by(note):
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated or again != hashes[: len(again)]:
+                break
+    note(env)
+    return env.progress.succeeded and again == list(hashes)
 
 
 def keyframes_found(joint_actions: NDArray[np.float32], ticks: list[int]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -142,6 +143,20 @@ class GenerationSettings(Record):
         if self.variation == ANY_VARIATION:
             return tuple(range(len(get_task(task).spec.variations)))
         return tuple(map(int, self.variation.split(",")))
+
+
+def repo_id_of(given: str | None, root: Path) -> str:
+    """LeRobot's name of a dataset: what is given, or `local/` and the name of its folder.
+
+    Raises:
+        BimanualError: no repository of the Hub can have the given one.
+    """
+    from lerobot_bimanual.dataset.hub import check_repo_id
+
+    if given is None:
+        return f"local/{re.sub(r'[^\w.-]', '_', root.absolute().name)}"
+    check_repo_id(given)
+    return given
 
 
 class Origin(Record):

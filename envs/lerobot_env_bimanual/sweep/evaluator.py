@@ -14,7 +14,6 @@ from functools import lru_cache
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from typing import Literal
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
@@ -23,12 +22,11 @@ from lerobot_bimanual.results.journal import Journal
 from lerobot_bimanual.results.record import Record
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
-from lerobot_env_bimanual.experts.load import run_measured
+from lerobot_env_bimanual.experts.load import ReplayMode, run_measured
 from lerobot_env_bimanual.experts.runner import outcome_of, run_episode
 from lerobot_env_bimanual.experts.world_version import simulation_versions
 from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.registry import AXES
-from lerobot_env_bimanual.replay import ReplayMode
 from lerobot_env_bimanual.tasks.registry import TASKS
 from lerobot_env_bimanual.workers import WorkerPool
 
@@ -66,7 +64,7 @@ class EpisodeSpec:
     player: PlayerName
     discretise: int = 0
     mean_keyposes: Keyposes = ()
-    replay: ReplayMode | Literal["none"] = "none"
+    replay: ReplayMode = "none"
     perturb: str = ""
     setting: str = STANDARD
     plan: int = 0
@@ -110,7 +108,7 @@ class _Line(Record):
     outcome: EpisodeOutcome
 
 
-class EpisodeLog:
+class EpisodeLog(Journal[_Line]):
     """A file with one line per finished episode, written as they finish.
 
     Lines of other code or other versions are discarded, and so are damaged ones, as of a last line that was cut off:
@@ -127,32 +125,24 @@ class EpisodeLog:
 
     def __init__(self, path: Path, *, exclusive: bool = False):
         header = json.dumps(simulation_versions() | {"sources": _source_digest()}, sort_keys=True)
-        self._journal = Journal(path, _Line, exclusive=exclusive)
-        if self._journal.header != header:
-            self._journal.restart(header)
-        self._outcomes = {line.spec: line.outcome for line in self._journal.entries()}
+        super().__init__(path, _Line, exclusive=exclusive)
+        if self.header != header:
+            self.restart(header)
+        self._outcomes = {line.spec: line.outcome for line in self.entries()}
 
     def get(self, spec: EpisodeSpec) -> EpisodeOutcome | None:
         """The outcome of an episode, if it is known."""
         return self._outcomes.get(_key(spec))
 
-    def add(self, spec: EpisodeSpec, outcome: EpisodeOutcome) -> None:
+    def keep(self, spec: EpisodeSpec, outcome: EpisodeOutcome) -> None:
         """Keep an outcome.
 
         Raises:
             UnwritableOutput: it cannot be written.
         """
         key = _key(spec)
-        self._journal.add(_Line(spec=key, outcome=outcome))
+        self.add(_Line(spec=key, outcome=outcome))
         self._outcomes[key] = outcome
-
-    def close(self) -> None:
-        """Let other processes have the file."""
-        self._journal.close()
-
-    def remove(self) -> None:
-        """Delete the file: the result is safe elsewhere."""
-        self._journal.remove()
 
 
 def _source_digest() -> str:
@@ -213,7 +203,7 @@ class Evaluator(WorkerPool):
                 return
             known[spec] = outcome
             if self._log:
-                self._log.add(spec, outcome)
+                self._log.keep(spec, outcome)
 
         for _ in self.map(
             play, missing, label, "episode", len(known), failed=lambda _, reason: reason, note=note

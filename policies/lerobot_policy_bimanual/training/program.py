@@ -16,8 +16,7 @@ MAX_KEPT_BYTES = 2**30
 
 def main() -> int:
     """Run `lerobot-train` with the flags of this process, on a dataset in memory."""
-    config = ("lerobot.configs.train", "TrainPipelineConfig")
-    return run_program("lerobot-bimanual-train", config, _check, _train, progress=True)
+    return run_program("lerobot-bimanual-train", "TrainPipelineConfig", _check, _train, progress=True)
 
 
 def _check(values: Mapping[str, str]) -> None:
