@@ -66,15 +66,6 @@ def test_tables_keep_their_types(sources, tmp_path) -> None:
                 assert json.loads(found.metadata[b"huggingface"]) == {"info": features}
 
 
-def test_what_is_merged_can_be_merged_again(sources, tmp_path) -> None:
-    merge_datasets(sources[:2], tmp_path / "first")
-    merge_datasets([tmp_path / "first", sources[2]], tmp_path / "again")
-    merge_datasets(sources, tmp_path / "at once")
-    again, at_once = contents(tmp_path / "again"), contents(tmp_path / "at once")
-    again.pop("meta/stats.json"), at_once.pop("meta/stats.json")  # averages of averages
-    assert again == at_once
-
-
 @pytest.mark.parametrize("view", schema.VIEWS)
 def test_datasets_of_different_features_are_refused(datasets, write_view, tmp_path, view) -> None:
     other = write_view(tmp_path / "other", view, 4, cameras=("front",))

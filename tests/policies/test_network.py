@@ -188,24 +188,6 @@ def test_cells_add_the_likelihood_of_the_place_within_the_voxel(make_network):
     torch.testing.assert_close((-losses).exp().sum(0), (-whole.cross_entropy(voxel)).exp())
 
 
-def test_a_network_with_cells_learns_a_position_finer_than_a_voxel(make_network):
-    torch.manual_seed(0)
-    network = make_network(translation_head="factorised", voxel_cells=5).float()
-    inputs = tuple(tensor.float() for tensor in make_inputs(samples=1))
-    voxel, offset = (
-        torch.tensor([[[2, 7, 4], [5, 5, 9]]]),
-        torch.tensor([[[0.4, -0.4, 0.2], [0.0, -0.2, 0.4]]]),
-    )
-    optimizer = torch.optim.Adam(network.parameters(), lr=3e-3)
-    for _ in range(60):
-        loss = network(*inputs, labels(voxel)).translation.cross_entropy(voxel, offset).sum()
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-    mean = network.eval()(*inputs).translation.candidates().local_mean()
-    torch.testing.assert_close(mean, voxel + offset, atol=0.05, rtol=0)
-
-
 @pytest.mark.parametrize("head", ["dense", "factorised"])
 def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(make_network, head):
     candidates = make_network(translation_head=head).eval()(*make_inputs()).translation.candidates()

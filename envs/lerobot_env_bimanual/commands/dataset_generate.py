@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import VIEWS, View
+from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.errors import check_range
-from lerobot_bimanual.resources import worker_count
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
@@ -20,24 +19,14 @@ if TYPE_CHECKING:
     from lerobot_env_bimanual.generation.build import Executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
-START_S, EPISODE_S = 20.0, 0.7
-VIEW_S: dict[View, tuple[float, float]] = {"frames": (0.8, 1.1), "keyframes": (0.3, 0.1)}
-VIEW_MB: dict[View, tuple[float, float, float]] = {"frames": (0.4, 1.6, 3.8), "keyframes": (0.1, 1.0, 0.5)}
-"""Seconds of start and merge, seconds per episode of one processor, without images and for colours and depth of a view, and
-megabytes per episode, without images and for colours and depth, of `lift_ball` with five cameras at 256 pixels."""
-
-SLOWEST = 3
-"""Times as long as `lift_ball` the slowest task takes (docs/performance.md)."""
-
 
 @dataclass
 class DatasetGenerateConfig:
     """Options of the command `dataset generate`."""
 
     task: str = field(kw_only=True)  # task and suite names, comma separated
-    variation: str = (
-        "any"  # index, several separated by commas for equal shares of them, or `any` for all variations
-    )
+    # Index, several separated by commas for equal shares of them, or `any` for all variations.
+    variation: str = "any"
     episodes: int = 100  # successful episodes per task
     split: Literal["train", "val", "test"] = "train"  # the same seeds mean other episodes in each
     first_seed: int = 0  # seed of each task's first episode; the next ones follow
@@ -82,9 +71,7 @@ def dataset_generate(config: DatasetGenerateConfig) -> None:
     """
     from lerobot_env_bimanual.generation.build import process_executor
 
-    settings = settings_of(config)
-    print(estimate(settings, worker_count(config.workers)))
-    make_dataset(settings, config.root, process_executor(config.workers))
+    make_dataset(settings_of(config), config.root, process_executor(config.workers))
 
 
 def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
@@ -115,23 +102,6 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
             "setting": config.setting,
             "repo_id": repo_id_of(config.repo_id, config.root),
         }
-    )
-
-
-def estimate(settings: GenerationSettings, workers: int) -> str:
-    """Minutes and megabytes that a dataset will take, in words, from what `lift_ball` takes."""
-    images = len(settings.cameras) / len(CAMERA_NAMES) * settings.height * settings.width / 256**2
-    seconds, megabytes = EPISODE_S, 0.0
-    for view in settings.views:
-        depth = images * (view == "keyframes" if settings.depth is None else settings.depth)
-        (colour_s, depth_s), (rest_mb, colour_mb, depth_mb) = VIEW_S[view], VIEW_MB[view]
-        seconds += images * colour_s + depth * depth_s
-        megabytes += settings.total_episodes * (rest_mb + images * colour_mb + depth * depth_mb)
-    busy = min(workers, -(-settings.episodes // settings.episodes_per_shard) * len(settings.tasks))
-    minutes = (START_S + seconds * settings.total_episodes / busy) / 60
-    return (
-        f"{settings.total_episodes} episodes, {busy} at a time: {minutes:.1f} minutes for fast tasks to "
-        f"{SLOWEST * minutes:.1f} for slow ones, about {megabytes:.0f} MB"
     )
 
 
