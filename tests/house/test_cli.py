@@ -171,7 +171,7 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
     exceptions: dict[tuple[str, str], object] = {("dataset generate", "split"): "train"}
     exceptions |= {("task view", "episodes"): 1}  # pictures of each
     exceptions[("policy robustness", "episodes")] = 20  # of some sixty conditions
-    of_protocol = ("variation", "perturb")
+    of_protocol = ("variation", "perturb", "first_seed")
     exceptions |= {("policy benchmark", name): None for name in of_protocol}
     one_task = ("policy benchmark", "task view")
     exceptions |= {(command, "task"): "lift_ball" for command in one_task}
