@@ -1,4 +1,4 @@
-"""Write docs/coordination.md: how much each keypose of each arm varies, and what shifted hands cost the expert.
+"""Write docs/hands.md: how much each keypose of each arm varies, and what shifted hands cost the expert.
 
 It runs on one core.
 Usage: coordination.py [--task=lift_ball,push_box] [--episodes=8]
@@ -47,7 +47,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--task", default="all", help="tasks and suites, separated by commas")
     parser.add_argument("--episodes", type=int, default=8, help="per shift; 0 leaves shifted hands out")
-    parser.add_argument("--output", type=Path, default=ROOT / "docs/coordination.md")
+    parser.add_argument("--output", type=Path, default=ROOT / "docs/hands.md")
     options = parser.parse_args()
     page = PAGE.format(episodes=options.episodes)
     for setting in SETTINGS:

@@ -196,7 +196,7 @@ def _read_report(path: Path, task: str) -> tuple[str, tuple[Episode, ...]]:
     """World and episodes, sorted by seed and variation, of the report of the expert or a baseline on one task."""
     report = ExpertReport.read(path)
     episodes = sorted(report.episodes, key=lambda episode: (episode.seed, episode.variation))
-    kept = {"seed", "variation", "success", "failure", "state_hash"}
+    kept = {"seed", "variation", "success", "failure", "ticks", "state_hash"}
     return report.worlds[task], tuple(Episode(**episode.model_dump(include=kept)) for episode in episodes)
 
 

@@ -124,7 +124,7 @@ def board_table(table: Any) -> pd.DataFrame:
     """Mean success of each policy, the expert and the open-loop baseline, a column per protocol.
 
     Args:
-        table: of `results_table`. Whoever was not scored on all tasks of a protocol has no mean.
+        table: of `results_table`. A policy that was not scored on all tasks of a protocol has no mean.
     """
     once = table.drop_duplicates(["protocol", "task"])
     baselines = [once.assign(policy=name, rate=once[name]) for name in BASELINES]

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from planted_failures import SEED, Keyposes, evaluation, expert_keyposes, from_on, played, shifted
+from sample_results import LIGHT
 
 from lerobot_bimanual.errors import BimanualError, InvalidAction, InvalidChoice
 from lerobot_bimanual.results.episode import Episode
@@ -15,6 +16,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import play_script
 from lerobot_env_bimanual.experts.runner import replanning
 from lerobot_env_bimanual.failures.attribution import Attribution, FailureAttributor, Responsible
+from lerobot_env_bimanual.failures.behaviour import behaviour
 from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
 from lerobot_env_bimanual.tasks import dual_push_buttons, handover_item
@@ -150,10 +152,24 @@ def test_the_command_prints_and_writes_what_it_found(tmp_path, capsys):
     assert results_diagnose(ResultsDiagnoseConfig(results=path, output=output, workers=1)) == 0
     printed = capsys.readouterr()
     assert re.search(rf"{SEED} +missed grasp +1 +left arm", printed.out)
-    assert re.search(r"result +left arm +failed\nhandover_item_easy record +1 +1", printed.out)
+    assert re.search(r"left arm +failed\nhandover_item_easy record +0/1 +17% +\S+, \S+ +– +1 +1", printed.out)
     assert printed.err.endswith(f"next: lerobot-bimanual results report --results={path}\n")
     (found,) = json.loads(output.read_text())["failures"][EASY]
     assert (found["responsible"], found["perturb"], found["file"]) == ("left arm", "", str(path))
+
+
+def test_behaviour_is_partial_credit_force_and_time_beside_the_experts():
+    solved = Episode(seed=0, success=True, ticks=30, load=LIGHT)
+    lost = Episode(seed=1, success=False, failure="out of time", ticks=90, load=LIGHT)
+    half = Attribution(1, 0, FailureClass.DROPPED, "", 3, 0.5, Responsible.LEFT)
+    assert behaviour([solved, lost], [half], {0: 20, 1: 20}) == {
+        "solved": "1/2",
+        "keyposes reached": "75%",
+        "force, N": "5, 5",
+        "time / expert's": "1.50",
+    }
+    without = [each.model_copy(update={"load": None}) for each in (solved, lost)]
+    assert [*behaviour(without, [], {}).values()] == ["1/2", "–", "–", "–"]
 
 
 def test_results_that_cannot_be_replayed_here_are_refused(tmp_path):

@@ -14,6 +14,9 @@ from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from lerobot_bimanual.results.episode import Episode
     from lerobot_env_bimanual.failures.attribution import Attribution
 
 
@@ -40,6 +43,10 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     has lost the episode. There the keypose of one arm alone is replaced by the expert's: if that suffices, this arm is
     responsible; if either suffices, either; if neither does, their coordination. No weights are needed.
 
+    Beside what is responsible for failures it prints how policies behave: the share of the expert's keyposes that they reach (1 in a
+    solved episode), the median and the largest force of an episode's arms, and the median time of solved episodes over the
+    expert's on the same seeds, as far as results hold these.
+
     Of tasks that can be done by several plans it also says how often both arms first follow the same one.
 
     Examples:
@@ -50,6 +57,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.failures.agreement import first_choices
     from lerobot_env_bimanual.failures.attribution import attribute_failures
+    from lerobot_env_bimanual.failures.behaviour import behaviour
     from lerobot_env_bimanual.tasks.registry import get_task
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
 
@@ -66,6 +74,8 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     failures: dict[str, list[dict[str, Any]]] = {}
     choices: list[dict[str, Any]] = []
     groups: dict[str, list[Attribution]] = {}
+    played: dict[str, list[Episode]] = {}
+    expert_ticks: dict[str, dict[int, int]] = {}
     with WorkerPool(config.workers) as pool:
         for result in results:
             result.check_world()
@@ -74,6 +84,8 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             chosen = sampled(failed, config.sample, config.sample_seed)
             found = attribute_failures(result.record, chosen, pool)
             groups.setdefault(result.name, []).extend(found)
+            played.setdefault(result.name, []).extend(episodes)
+            expert_ticks.setdefault(result.name, {}).update(result.expert_ticks)
             source = {"file": str(result.path), "policy": result.policy_id, "perturb": result.record.perturb}
             source["result"] = result.name
             task = result.record.task
@@ -82,11 +94,12 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
                 choices += [source | one for one in first_choices(result.record, pool)]
             say(f"{result.path}: {len(episodes)} episodes of {task}, {len(failed)} failed")
             _print_episodes(found)
-    for title, kind in (
-        ("Failures by class:", "failure_class"),
-        ("Failures by responsible arm:", "responsible"),
-    ):
-        _print_counts(groups, kind, title)
+    print_table(_counts(groups, "failure_class").reset_index(), "Failures by class:")
+    rows = {name: behaviour(played[name], groups[name], expert_ticks[name]) for name in groups}
+    table = _counts(groups, "responsible")
+    for place, heading in enumerate(next(iter(rows.values()))):
+        table.insert(place, heading, [rows[name][heading] for name in table.index])
+    print_table(table.reset_index(), "Behaviour, and failures by responsible arm:")
     if choices:
         _print_agreement(choices)
     if config.output is not None:
@@ -102,13 +115,15 @@ def _print_episodes(attributions: Sequence[Attribution]) -> None:
 
     if attributions:
         columns = ["seed", "failure_class", "last_recoverable", "responsible", "event"]
-        table = pd.DataFrame(attributions, columns=pd.Index(columns), dtype=object).fillna("")
+        table = pd.DataFrame(attributions, columns=pd.Index(columns), dtype=object).map(
+            lambda cell: "" if cell is None else cell
+        )
         headings = {"failure_class": "class", "last_recoverable": "last recoverable keypose"}
         print_table(table.rename(columns=headings))
 
 
-def _print_counts(groups: Mapping[str, Sequence[Attribution]], kind: str, title: str) -> None:
-    """Print how many failures of each result are of each class, or to whom they are attributed."""
+def _counts(groups: Mapping[str, Sequence[Attribution]], kind: str) -> pd.DataFrame:
+    """How many failures of each result are of each class, or to whom they are attributed."""
     import pandas as pd
 
     names = [name for name, group in groups.items() for _ in group]
@@ -119,7 +134,7 @@ def _print_counts(groups: Mapping[str, Sequence[Attribution]], kind: str, title:
     table = table.reindex(index=[*groups], columns=order, fill_value=0).assign(
         failed=lambda table: table.sum(axis=1)
     )
-    print_table(table.rename_axis("result").reset_index(), title)
+    return table.rename_axis("result")
 
 
 def _print_agreement(choices: Sequence[Mapping[str, Any]]) -> None:

@@ -67,6 +67,7 @@ class Attribution:
         failure_class: class of the failure.
         event: the event that decided about the class.
         last_recoverable: index of the last keypose before which the expert could have taken over; None if unknown.
+        reached: share of the expert's keyposes that come before that one, in [0, 1]; None if unknown.
         responsible: what is responsible.
     """
 
@@ -75,6 +76,7 @@ class Attribution:
     failure_class: FailureClass
     event: str
     last_recoverable: int | None
+    reached: float | None
     responsible: Responsible
 
 
@@ -121,6 +123,7 @@ class FailureAttributor:
             failure_class=kind,
             event=event,
             last_recoverable=index,
+            reached=None if index is None else min(1.0, index / len(self._expert)),
             responsible=responsible,
         )
 

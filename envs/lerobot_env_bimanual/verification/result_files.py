@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,11 +24,13 @@ class ResultFile:
         path: the file.
         record: the episodes that were played.
         policy_id: the policy and what it learned from; the file's name where that is unknown.
+        expert_ticks: control ticks that the expert took, by seed, as far as they are known.
     """
 
     path: Path
     record: EvaluationRecord
     policy_id: str
+    expert_ticks: Mapping[int, int]
 
     @classmethod
     def read(cls, path: Path) -> ResultFile:
@@ -41,7 +43,9 @@ class ResultFile:
         is_record = isinstance(scored, EvaluationRecord)
         record, is_unnamed = scored if is_record else scored.evaluation, is_record and not scored.policy
         get_task(record.task)
-        return cls(path, record, path.stem if is_unnamed else scored.policy_id)
+        expert = () if is_record else scored.expert
+        ticks = {episode.seed: episode.ticks for episode in expert if episode.ticks is not None}
+        return cls(path, record, path.stem if is_unnamed else scored.policy_id, ticks)
 
     @property
     def name(self) -> str:
