@@ -206,9 +206,14 @@ def find_view(root: str | Path, preferred: Sequence[View] = VIEWS) -> Path:
     for candidate in (Path(root), *(Path(root, view) for view in preferred)):
         if (candidate / INFO_FILE).is_file():
             return candidate
+    raise no_dataset(root, "--root")
+
+
+def no_dataset(root: str | Path, flag: str, otherwise: str = "") -> DatasetError:
+    """That there is none at `root`; it names one below, which `flag` may mean, or says something otherwise."""
     below = [path for depth in ("*", "*/*") for path in sorted(Path(root).glob(f"{depth}/{INFO_FILE}"))]
-    hint = f". Did you mean --root={below[0].parents[1]}?" if below else ""
-    raise DatasetError(f"no dataset at {root}: {Path(root) / INFO_FILE} does not exist{hint}")
+    hint = f". Did you mean {flag}={below[0].parents[1]}?" if below else otherwise
+    return DatasetError(f"no dataset at {root}: {Path(root) / INFO_FILE} does not exist{hint}")
 
 
 def episode_table(root: Path, columns: list[str] | None = None) -> pa.Table:

@@ -102,7 +102,7 @@ MISTAKES = [
     (eval_program, f"{TRAINED} --eval.n_episodes=0", "an integer of at least 1"),
     (train_program, "--policy.type=peract3", "Did you mean 'peract2'?"),
     (train_program, "--policy.type=act --policy.chunksize=3", "Did you mean '--policy.chunk_size'?"),
-    (train_program, "--policy.type=act --dataset.root=nowhere", "no dataset at --dataset.root=nowhere"),
+    (train_program, "--policy.type=act --dataset.root=nowhere", "no dataset at nowhere"),
     (train_program, "--config_path=small.yaml", "small.yaml: No such file or directory"),
 ]
 

@@ -99,7 +99,9 @@ def test_accuracy_is_that_of_the_actions(tiny_checkpoint, dataset, capsys):
             assert line.gripper == (predicted[arm].gripper_open != true[arm].gripper_open)
     capsys.readouterr()
     assert cli.main(["policy", "accuracy", f"--checkpoint={tiny_checkpoint}", f"--root={dataset}"]) == 0
-    last = capsys.readouterr().out.splitlines()[-1].split()
+    said = capsys.readouterr().out
+    assert f"on {dataset}; after: keyposes before" in said  # made up, so of no split
+    last = said.splitlines()[-1].split()
     assert last[:3] == ["all", "both", str(2 * ROWS)]
     assert float(last[3]) == pytest.approx(found["cm"].mean(), abs=0.006)
 

@@ -86,7 +86,7 @@ def test_a_dataset_of_another_schema_is_refused_before_training(tmp_path, key, i
 
 def test_what_is_missing_here_is_not_looked_for_on_the_hub(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(DatasetError, match=r"no dataset at --dataset.root=nowhere: .* does not exist"):
+    with pytest.raises(DatasetError, match=r"no dataset at nowhere: .* does not exist"):
         check_dataset(Path("nowhere"))
     (tmp_path / "outputs").mkdir()
     for path in ("/nowhere/at/all", "outputs/nowhere", "./nowhere", "a/b/c"):

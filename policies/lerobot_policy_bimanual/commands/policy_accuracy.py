@@ -20,7 +20,7 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
 
     Prints, for each keypose of the task and each arm, the distance of the predicted hand from the expert's in
     centimetres (mean, median, 90 % quantile, worst), the angle between them, and how often the gripper or the
-    collision flag is wrong. On demonstrations that were not trained on, it shows what a policy cannot predict yet;
+    collision flag is wrong. On demonstrations that were not trained on (split `val`), it shows what a policy cannot predict yet;
     only the success rate tells whether that matters.
 
     Examples:
@@ -28,11 +28,11 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
         lerobot-bimanual policy accuracy --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --root=data/val
     """
     from lerobot_bimanual.checkpoint_folder import require_checkpoint
-    from lerobot_bimanual.dataset.reader import find_view
+    from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
     from lerobot_bimanual.terminal import print_table, show_next
 
     require_checkpoint(config.checkpoint)
-    find_view(config.root)
+    folder = find_view(config.root)
 
     from lerobot_policy_bimanual.inspection.accuracy import measure, summary
     from lerobot_policy_bimanual.inspection.loading import load_policy, open_dataset
@@ -40,6 +40,9 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
     policy, preprocess = load_policy(config.checkpoint, config.trust_checkpoint)
     dataset = open_dataset(config.root)
     table = summary(measure(policy, preprocess, dataset))
-    print_table(table, f"{policy.name} on {config.root}")
+    recorded = RecordedDataset(folder).provenance
+    split = f", split {recorded.settings.get('split')}" if recorded else ""
+    legend = "after: keyposes before; gripper, flag: share that is wrong"
+    print_table(table, f"{policy.name} on {config.root}{split}; {legend}")
     paths = (f"--checkpoint={config.checkpoint}", f"--root={config.root}")
     show_next("lerobot-bimanual", "policy", "inspect", *paths)

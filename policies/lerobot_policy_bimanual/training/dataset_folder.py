@@ -5,7 +5,7 @@ from pathlib import Path
 
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import Provenance, check_version
-from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
+from lerobot_bimanual.dataset.reader import INFO_FILE, no_dataset, views_below
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import read_json
 
@@ -29,10 +29,7 @@ def check_dataset(root: Path, episodes: Sequence[int] = (0,)) -> None:
             "policies of joint actions from `frames`"
         )
     if not (root / INFO_FILE).is_file():
-        raise DatasetError(
-            f"no dataset at --dataset.root={root}: {root / INFO_FILE} does not exist. To train on one of the Hub, leave out "
-            "--dataset.root"
-        )
+        raise no_dataset(root, "--dataset.root", ". To train on one of the Hub, leave out --dataset.root")
     info = read_json(root / INFO_FILE)
     features = info.get("features", {})
     check_version(features, root)
