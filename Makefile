@@ -12,8 +12,8 @@ setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 	@scripts/setup.sh
 
 WATCH := outputs/watch
-TASK := handover_item_easy
-watch: setup  ## Watch a trained policy at work: videos in outputs/watch (a minute, no GPU); TASK=lift_ball is another
+TASK := lift_tray
+watch: setup  ## Watch a trained policy at work: videos in outputs/watch (a minute, no GPU); TASK=pick_plate is another
 	$(BIN)/lerobot-bimanual-eval --policy.path=results/checkpoints/peract2_on_all --policy.device=cpu \
 	    --env.task=$(TASK) --env.image_size=128 --env.video_dir=$(WATCH)/videos \
 	    --eval.n_episodes=4 --eval.batch_size=2 --output_dir=$(WATCH)

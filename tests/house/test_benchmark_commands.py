@@ -30,7 +30,7 @@ def test_the_commands_of_a_benchmark_are_valid(policy: str, recipe, tmp_path: Pa
     commands = commands_of(config)
     assert not output.exists()
     is_stock = policy in STOCK
-    checkpoints = 10 if recipe == "paper" else {"act": 3, "diffusion": 1}.get(policy, 2)
+    checkpoints = 10 if recipe == "paper" else 3 if is_stock else 2
     programs = [words[0] for words in commands]
     evaluations = ["lerobot-eval"] * (checkpoints + 1)
     assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-bimanual-train"] + evaluations
