@@ -128,7 +128,7 @@ def board_table(table: Any) -> pd.DataFrame:
     """
     once = table.drop_duplicates(["protocol", "task"])
     baselines = [once.assign(policy=name, rate=once[name]) for name in BASELINES]
-    agents = pd.concat([table.assign(policy=table.policy.map("`{}`".format)), *baselines]).dropna(
+    agents: Any = pd.concat([table.assign(policy=table.policy.map("`{}`".format)), *baselines]).dropna(
         subset="rate"
     )
     tasks, board = once.groupby("protocol", observed=True).size(), {}

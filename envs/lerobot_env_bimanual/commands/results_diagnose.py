@@ -54,6 +54,8 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
         lerobot-bimanual results diagnose --results=outputs/eval/lift_ball_test_record.json
         lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/failures.json
     """
+    import pandas as pd
+
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.failures.agreement import first_choices
     from lerobot_env_bimanual.failures.attribution import attribute_failures
@@ -96,9 +98,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             _print_episodes(found)
     print_table(_counts(groups, "failure_class").reset_index(), "Failures by class:")
     rows = {name: behaviour(played[name], groups[name], expert_ticks[name]) for name in groups}
-    table = _counts(groups, "responsible")
-    for place, heading in enumerate(next(iter(rows.values()))):
-        table.insert(place, heading, [rows[name][heading] for name in table.index])
+    table = pd.DataFrame(rows).T.join(_counts(groups, "responsible")).rename_axis("result")
     print_table(table.reset_index(), "Behaviour, and failures by responsible arm:")
     if choices:
         _print_agreement(choices)
