@@ -75,7 +75,7 @@ def watch(
             raise _Closed
         text = f"{env.task_description}\nseed {env.progress.seed}, variation {env.variation}"
         window.set_texts((None, None, f"{text}\n{env.progress.ticks * TICK_S:.1f} s", ""))
-        with applied(scene.model, scene.data, scene.appearance.fields):
+        with applied(env.scene.model, env.scene.data, env.scene.appearance.fields):
             window.sync()
         due_s = max(due_s + TICK_S, time.monotonic() - TICK_S)
         sleep(max(0.0, due_s - time.monotonic()))
