@@ -12,7 +12,6 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.checksums import checksum_problems, write_checksums
 from lerobot_bimanual.dataset.reader import read_info
-from lerobot_bimanual.dataset.schema import STATE_HASH as HASH
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify, parse_episodes
@@ -69,9 +68,9 @@ def as_polars_writes_it(rows: pa.Table) -> pa.Table:
         pa.int64(): pa.int32(),
         pa.list_(pa.float32()): pa.large_list(pa.float32()),
     }
-    fields = [each.with_type(others.get(each.type, each.type)) for each in rows.schema if each.name != HASH]
-    names = [each.name for each in fields]
-    return rows.select(names).cast(pa.schema(fields)).append_column(HASH, rows[HASH])
+    kept = rows.drop_columns([schema.STATE_HASH])
+    kept = kept.cast(pa.schema([each.with_type(others.get(each.type, each.type)) for each in kept.schema]))
+    return kept.append_column(schema.STATE_HASH, rows[schema.STATE_HASH])
 
 
 def test_columns_of_other_types_with_the_same_values_pass(copy, player) -> None:
