@@ -12,7 +12,8 @@ import pytest
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, check_range
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 
-PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual")
+PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual")
+"""Those with errors of their own."""
 SAMPLES = {"valid": ["this", "that"], "count": 3, "folder": Path("shards/000001")}
 """Arguments of constructors that are not texts."""
 
