@@ -5,14 +5,14 @@ What the sources do not say is let through, and LeRobot decides.
 
 import pkgutil
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
 from lerobot_bimanual.cli.flags import BadCommandLine
 from lerobot_bimanual.distributions import location
 from lerobot_bimanual.errors import InvalidChoice, did_you_mean, plain
-from lerobot_bimanual.files import read_yaml
+from lerobot_bimanual.files import read_json, read_yaml
 
 ALWAYS = ("config_path", "help", "trust_checkpoint")
 OF_CHOICES = ("type", "path", "discover_packages_path")
@@ -44,7 +44,7 @@ def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
     values = _of_file(given.get("config_path", "")) | given
     known = {*ALWAYS, *_flags(config)}
     for family in FAMILIES:
-        kind = values.get(f"{family}.type")
+        kind = _kind(family, values)
         if kind is not None and f"{family}.discover_packages_path" not in values:
             kinds = KIND.findall(_text(family))
             if kind not in kinds:
@@ -59,6 +59,15 @@ def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
                 f"unknown flag --{plain(flag)}.{guess} `--help` lists the flags, after LeRobot's import."
             )
     return values
+
+
+def _kind(family: str, values: Mapping[str, str]) -> str | None:
+    """The kind of policy or environment that a flag names, or a local checkpoint."""
+    if path := values.get(f"{family}.path"):
+        config = Path(path) / "config.json"
+        content = read_json(config) if config.is_file() else None
+        return str(content.get("type")) if isinstance(content, dict) else None
+    return values.get(f"{family}.type")
 
 
 def _assignments(words: Sequence[str]) -> Iterator[tuple[str, str]]:
