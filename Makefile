@@ -20,7 +20,7 @@ watch: setup  ## Watch a trained policy at work: videos in outputs/watch (a minu
 	@ls $(WATCH)/videos/*
 
 demo: setup  ## Generate demonstrations, train a small PerAct2, evaluate it (minutes, no GPU)
-	$(BIN)/lerobot-bimanual policy benchmark --task=lift_ball --steps=1000 --save_freq=1000 --val_episodes=0 --test_episodes=20 \
+	$(BIN)/lerobot-bimanual policy benchmark --task=lift_ball --steps=1000 --save_freq=1000 --test_episodes=20 \
 	    --first_seed=1000 --device=cpu --output=outputs/demo --video_dir=$(CURDIR)/outputs/demo/videos
 
 expert-reports: setup  ## Evaluate experts and baselines in both settings, and write docs/tasks.md (hours; it goes on where it stopped)

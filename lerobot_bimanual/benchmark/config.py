@@ -52,9 +52,9 @@ class BenchmarkConfig:
     steps: int | None = None  # optimiser steps; by default the recipe's
     batch_size: int | None = None  # rows of the dataset per step; by default the recipe's
     save_freq: int | None = None  # steps between checkpoints; by default the recipe's
-    # Per checkpoint; by default 20 (small) or 100 (paper). 0 scores none, where there is only one to choose.
+    # Per checkpoint, of which the best one is tested; by default 0 (small), so that the last one is, or 100 (paper).
     val_episodes: int | None = None
-    test_episodes: int | None = None  # of the best checkpoint; by default 50 (small) or 100 (paper)
+    test_episodes: int | None = None  # of the tested checkpoint; by default 50 (small) or 100 (paper)
     seed: int = 1000  # of the training
     # Perturbations of the test and its baselines, and of nothing else: AXIS:LEVEL, several separated by commas; by default none.
     perturb: str | None = None
@@ -81,14 +81,13 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     """Fill in recipe and protocol.
 
     Raises:
-        BimanualError: a flag is outside its choices or contradicts the protocol, policy or recipe is not installed, nothing
-            would choose among several checkpoints, or further flags are not allowed.
+        BimanualError: a flag is outside its choices or contradicts the protocol, policy or recipe is not installed, or further
+            flags are not allowed.
     """
     flags = _by_protocol(config)
-    is_chosen = not (flags["trained_on"] or flags["demos_variation"])
     if flags["trained_on"]:
         _check_several(flags)
-    if not is_chosen:
+    if flags["trained_on"] or flags["demos_variation"]:
         if config.val_episodes:
             raise BimanualError(
                 f"val_episodes is {config.val_episodes}, but of a network that learned from other tasks or variations than it is "
@@ -109,7 +108,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         "num_workers": 0,  # the dataset is in memory
         "log_freq": max(1, numbers["save_freq"] // 5),
     }
-    settings = BenchmarkSettings.of(
+    return BenchmarkSettings.of(
         policy=config.policy,
         task=config.task,
         recipe=Path(config.recipe).name.removesuffix(SUFFIX),
@@ -120,13 +119,6 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         training=training | own | _options(config, "train_flags"),
         evaluation=_options(config, "eval_flags"),
     )
-    steps = settings.checkpoint_steps
-    if not settings.val_episodes and len(steps) > 1 and is_chosen:
-        raise BimanualError(
-            f"val_episodes is 0, so that nothing would choose among the checkpoints after {', '.join(map(str, steps))} "
-            f"steps; leave one with --save_freq={settings.steps}"
-        )
-    return settings
 
 
 def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:

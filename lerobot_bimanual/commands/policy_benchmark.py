@@ -9,12 +9,12 @@ from lerobot_bimanual.terminal import show_next
 
 
 def policy_benchmark(config: BenchmarkConfig) -> None:
-    """Train a policy, choose its best checkpoint, score it on unseen seeds.
+    """Train a policy and score it on unseen seeds.
 
     Generates demonstrations, scores the expert and the open-loop baseline, trains with `lerobot-bimanual-train` (LeRobot's own
-    loop, with the dataset in memory), evaluates every checkpoint with `lerobot-eval` on the validation split, and the best
-    of them (of equals the latest) on the test split. The result is one JSON file in OUTPUT/results, read by
-    `lerobot-bimanual results compare`.
+    loop, with the dataset in memory), and evaluates the last checkpoint with `lerobot-eval` on the test split; with
+    --val_episodes the best one on the validation split (of equals the latest). The result is one JSON file in OUTPUT/results,
+    read by `lerobot-bimanual results compare`.
 
     An interrupted benchmark continues where it stopped, a training from its last checkpoint. Of a finished one the result
     is shown again.

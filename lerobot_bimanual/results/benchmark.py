@@ -45,7 +45,7 @@ class BenchmarkSettings(Record):
         steps: optimiser steps.
         batch_size: rows of the dataset per step.
         save_freq: steps between checkpoints.
-        val_episodes: validation episodes per checkpoint; 0 if there was nothing to choose.
+        val_episodes: validation episodes per checkpoint; 0 if the last one was tested.
         test_episodes: test episodes of the chosen checkpoint.
         seed: seed of the training.
         first_seed: seed of the first validation and test episode.

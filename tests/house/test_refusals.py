@@ -57,7 +57,6 @@ REFUSED = {
         "recipe=tiny": "recipe is 'tiny', but must be one of: small, paper, FILE.yaml",
         "save_freq=0": "save_freq: Input should be greater than or equal to 1, but is 0",
         "steps=100000000 save_freq=1": "save_freq must leave at most 10000 checkpoints",
-        "steps=4 save_freq=2 val_episodes=0": "after 2, 4 steps",
         "train_flags=--steps=3": "sets --steps, which the benchmark sets itself",
         "eval_flags=--policy.depth='3": "a shell could not read",
     },
