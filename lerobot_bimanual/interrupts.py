@@ -1,6 +1,7 @@
 """Signals that are answered otherwise for a while."""
 
 import ctypes
+import os
 import signal
 import sys
 import threading
@@ -9,6 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from types import FrameType
 
 PR_SET_PDEATHSIG = 1
+AGAIN_S = 1
 
 
 @contextmanager
@@ -30,6 +32,35 @@ def signal_handled(
         signal.signal(number, before)
 
 
+@contextmanager
+def unwound_by_termination() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP unwind what runs meanwhile, so that its workers end and its temporary files go.
+
+    Raises:
+        SystemExit: with 128 and the signal's number.
+    """
+    came: list[int] = []
+
+    def leave(number: int, _: FrameType | None) -> None:
+        came.append(number)
+        if not isinstance(sys.exception(), SystemExit):
+            # Finalizers and hooks of forks swallow what is raised in them, so it is raised again until something unwinds.
+            signal.signal(signal.SIGALRM, leave)
+            signal.alarm(AGAIN_S)
+            raise SystemExit(128 + came[0])
+
+    try:
+        with signal_handled(signal.SIGTERM, leave), signal_handled(signal.SIGHUP, leave):
+            yield
+    except Exception as error:
+        if came:  # C++ code that calls Python answers with an error of its own
+            raise SystemExit(128 + came[0]) from error
+        raise
+    finally:
+        if came:
+            signal.alarm(0)
+
+
 def interrupts_ignored() -> AbstractContextManager[None]:
     """Have processes that are started meanwhile ignore interrupts, so that they do not die with a traceback.
 
@@ -38,7 +69,14 @@ def interrupts_ignored() -> AbstractContextManager[None]:
     return signal_handled(signal.SIGINT, signal.SIG_IGN)
 
 
-def end_when_parent_ends(number: signal.Signals) -> None:
-    """Have the system send this process a signal when the thread that started it ends, however that is (on Linux)."""
+def end_when_parent_ends(number: signal.Signals, parent: int) -> None:
+    """Have the system send this process a signal when the thread that started it ends, however that is (on Linux).
+
+    Args:
+        number: the signal.
+        parent: number of the process that started this one, which may have ended already.
+    """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, number)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), number)

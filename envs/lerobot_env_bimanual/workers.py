@@ -197,7 +197,7 @@ def end_with_parent() -> None:
         return
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # At once, however busy: the process that forked us ends with our parent.
-    end_when_parent_ends(signal.SIGKILL)
+    end_when_parent_ends(signal.SIGKILL, os.getppid())
 
     def await_end() -> None:
         connection.wait([parent.sentinel])
@@ -232,7 +232,7 @@ def _prepare_fork_server() -> None:
 
     atexit.register(remove_socket)
     signal.signal(signal.SIGUSR2, end_if_alone)
-    end_when_parent_ends(signal.SIGUSR2)
+    end_when_parent_ends(signal.SIGUSR2, parent)
     end_if_alone()  # from the beginning
 
 

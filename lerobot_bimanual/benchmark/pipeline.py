@@ -84,7 +84,7 @@ def call(words: list[str]) -> int:
         process = subprocess.Popen(
             [executable, *flags],
             env=defaults | os.environ,
-            preexec_fn=partial(end_when_parent_ends, signal.SIGTERM),
+            preexec_fn=partial(end_when_parent_ends, signal.SIGTERM, os.getpid()),
         )
     try:
         return process.wait()

@@ -10,12 +10,11 @@ import textwrap
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, version
-from types import FrameType
 
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, parse_flags
 from lerobot_bimanual.distributions import entries, location, require_extras
 from lerobot_bimanual.errors import MAX_MESSAGE, BimanualError, did_you_mean, plain
-from lerobot_bimanual.interrupts import signal_handled
+from lerobot_bimanual.interrupts import unwound_by_termination
 
 PROGRAM = "lerobot-bimanual"
 ENTRY_POINTS = "lerobot_bimanual.commands"
@@ -55,7 +54,7 @@ def answered(program: str, work: Callable[[], int]) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may know ASCII only
     try:
-        with signal_handled(signal.SIGTERM, _leave), signal_handled(signal.SIGHUP, _leave):
+        with unwound_by_termination():
             code = work()
         sys.stdout.flush()
         return code
@@ -117,11 +116,6 @@ def summary(entry: EntryPoint) -> str:
         if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
             return (ast.get_docstring(node) or "").partition("\n")[0]
     return ""
-
-
-def _leave(number: int, _: FrameType | None) -> None:
-    """Let a termination unwind the command, so that its workers end and its temporary files go."""
-    raise SystemExit(128 + number)
 
 
 def _dispatch(words: list[str]) -> int:
