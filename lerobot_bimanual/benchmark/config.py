@@ -35,8 +35,8 @@ NUMBERS = ("demos", "image_size", "steps", "batch_size", "save_freq", "val_episo
 class BenchmarkConfig:
     """Flags of the command `policy benchmark`."""
 
-    policy: str = "peract2"  # type of the policy, as for lerobot-train
-    task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual task list` lists them
+    policy: str = "peract2"  # types of policies, as for lerobot-train, separated by commas
+    task: str = "lift_ball"  # tasks and suites, separated by commas; `lerobot-bimanual task list` lists them
     # `standard`, `few`, `plans`, `varied`, `hard`, `pairings` or `multitask`: what is learned from and tested, which flags
     # beside it cannot change. With `own` they decide.
     protocol: str = OWN
@@ -73,6 +73,7 @@ class BenchmarkConfig:
     video_dir: Path | None = None  # folder for a video of every evaluated episode; by default none is made
     device: str | None = None  # cpu, cuda, ...; by default LeRobot chooses
     workers: int = 0  # processes for generation and for expert and baseline; 0 takes one per core
+    lanes: int = 1  # of several tasks so many are worked on at the same time
     output: Path = Path("outputs/benchmark")  # policies of a task share its dataset and baselines here
     dry_run: bool = False  # print the commands and run nothing
 

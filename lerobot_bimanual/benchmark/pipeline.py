@@ -11,10 +11,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 from rich.console import Console
 
@@ -70,8 +71,8 @@ class Marker(Record):
     seconds: float
 
 
-def call(words: list[str]) -> int:
-    """Exit code of a program of this Python environment."""
+def start(words: Sequence[str], log: BinaryIO | None = None) -> subprocess.Popen[bytes]:
+    """Start a program of this Python environment, which ends when this process does; its output goes into a log, if there is one."""
     program, *flags = words
     defaults = {
         # No command needs the network: a dataset or policy that is not found here must fail, not be asked for.
@@ -81,20 +82,32 @@ def call(words: list[str]) -> int:
     }
     executable = Path(sys.executable).parent / program
     with interrupts_ignored():  # by the program, so that it is ended below and does not die with a traceback
-        process = subprocess.Popen(
+        return subprocess.Popen(
             [executable, *flags],
             env=defaults | os.environ,
+            stdout=log,
+            stderr=log,
             preexec_fn=partial(end_when_parent_ends, signal.SIGTERM, os.getpid()),
         )
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """End a program that may still run."""
+    process.terminate()
+    try:
+        process.wait(TERMINATION_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def call(words: list[str]) -> int:
+    """Exit code of a program of this Python environment."""
+    process = start(words)
     try:
         return process.wait()
     finally:
-        process.terminate()
-        try:
-            process.wait(TERMINATION_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        end(process)
 
 
 class Pipeline:

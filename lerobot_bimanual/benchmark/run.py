@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Container
 from datetime import date
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
@@ -29,19 +30,24 @@ from lerobot_bimanual.results.record import BadRecord
 from lerobot_bimanual.terminal import print_table
 
 
-def check_task(settings: BenchmarkSettings) -> None:
-    """Make sure that the environment knows the task, before anything runs that takes minutes.
+def find_tasks(names: str) -> list[str]:
+    """Tasks of suites and tasks that are separated by commas.
 
     Core knows the environment by its commands only, so a process of its own lists the tasks.
+
+    Raises:
+        BimanualError: no environment is installed, or there is no such task.
+    """
+    return [*_variations(names)]
+
+
+def check_task(settings: BenchmarkSettings) -> None:
+    """Make sure that the environment knows the task, before anything runs that takes minutes.
 
     Raises:
         BimanualError: no environment is installed, or there is no such task or variation.
     """
     tasks = _variations(settings.task)
-    if tasks.keys() != {settings.task}:
-        raise BimanualError(
-            f"task is {settings.task!r}, a suite, but a benchmark is of one task; run one for each of: {', '.join(tasks)}"
-        )
     if settings.variation != "any" and int(settings.variation) >= (count := tasks[settings.task]):
         valid = f"'any' or an integer from 0 to {count - 1}"
         raise InvalidChoice(f"variation of {settings.task}", settings.variation, valid)
@@ -154,6 +160,7 @@ def report(result: BenchmarkResult, plan: Plan, console: Console) -> None:
         console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
 
 
+@cache
 def _variations(tasks: str) -> dict[str, int]:
     """Number of variations of each of several tasks and suites, separated by commas."""
     words = ("-m", "lerobot_bimanual.cli", "task", "list", f"--task={tasks}", "--format=json")

@@ -2,9 +2,10 @@
 
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.config import BenchmarkConfig
+from lerobot_bimanual.benchmark.column import cells, run_column
+from lerobot_bimanual.benchmark.config import BenchmarkConfig, command
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.benchmark.run import check_task, report, run, show
+from lerobot_bimanual.benchmark.run import check_task, find_tasks, report, run, show
 from lerobot_bimanual.terminal import show_next
 
 
@@ -17,14 +18,24 @@ def policy_benchmark(config: BenchmarkConfig) -> None:
     read by `lerobot-bimanual results compare`.
 
     An interrupted benchmark continues where it stopped, a training from its last checkpoint. Of a finished one the result
-    is shown again.
+    is shown again. Several policies and tasks are run one by one, or in lanes, each with a log in OUTPUT/logs.
 
     Examples:
         lerobot-bimanual policy benchmark --policy=peract2 --task=lift_ball
         lerobot-bimanual policy benchmark --policy=act --task=push_box --steps=20000 --device=cuda
+        lerobot-bimanual policy benchmark --policy=peract2,peract_lf --task=all --protocol=standard --lanes=2
         lerobot-bimanual policy benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16" --dry_run
     """
-    plan, console = Plan.of(config), Console()
+    console = Console()
+    tasks = find_tasks(config.task)
+    if len(column := cells(config, tasks)) > 1:
+        if config.dry_run:
+            console.print(*map(command, column), sep="\n", soft_wrap=True, highlight=False, markup=False)
+        else:
+            run_column(column, config.lanes)
+            show_next("lerobot-bimanual", "results", "report", f"--results={config.output / 'results'}")
+        return
+    plan = Plan.of(column[0])
     check_task(plan.settings)
     if config.dry_run:
         show(plan, console)

@@ -65,7 +65,13 @@ PROTOCOLS = {
     OWN: Protocol(first_seed=0),  # the defaults of the flags
     "standard": Protocol(),
     "few": Protocol(demos=20),
-    "plans": Protocol(demos_plans="several"),
+    "plans": Protocol(
+        demos_plans="several",
+        tasks=(
+            *("dual_push_buttons", "lift_ball", "lift_tray"),
+            *("pick_plate", "push_box", "straighten_rope"),
+        ),
+    ),
     "varied": Protocol(setting="varied"),
     "hard": Protocol(
         perturb="camera_moved:2,clutter:2,light:2,nudge:1,start_posture:2",

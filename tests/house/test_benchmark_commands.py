@@ -1,15 +1,21 @@
 """What a benchmark would run: every command is valid, and flags that cannot be meant are refused before anything runs."""
 
 import shlex
+import subprocess
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from documents import parse
 
+from lerobot_bimanual.benchmark import column
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, resolve
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import SIZES
 from lerobot_bimanual.commands.policy_benchmark import policy_benchmark
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.results.statistics import SuccessRate
 
 STOCK = {"act", "diffusion"}
 POLICIES = (*sorted(STOCK), "peract2", "peract_independent", "peract_lf", "rvt_lf")
@@ -30,7 +36,7 @@ def test_the_commands_of_a_benchmark_are_valid(policy: str, recipe, tmp_path: Pa
     commands = commands_of(config)
     assert not output.exists()
     is_stock = policy in STOCK
-    checkpoints = 10 if recipe == "paper" else 3 if is_stock else 2
+    checkpoints = 10 if recipe == "paper" else 0
     programs = [words[0] for words in commands]
     evaluations = ["lerobot-eval"] * (checkpoints + 1)
     assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-bimanual-train"] + evaluations
@@ -50,6 +56,31 @@ def test_a_dry_run_prints_and_runs_nothing(tmp_path: Path, capsys):
     commands = commands_of(BenchmarkConfig(output=tmp_path / "output"))
     assert [shlex.split(line) for line in printed if not line.startswith("#")] == commands
     assert not (tmp_path / "output").exists()
+
+
+def test_several_policies_and_tasks_are_benchmarks_of_which_a_failure_stops_no_other(tmp_path, monkeypatch):
+    started, running = [], []
+
+    def start(words, log):
+        started.append(words)
+        running.append(
+            subprocess.Popen([sys.executable, "-c", f"raise SystemExit({len(running) == 1})"], stdout=log)
+        )
+        return running[-1]
+
+    monkeypatch.setattr(column, "start", start)
+    monkeypatch.setattr(
+        column.BenchmarkResult, "read", lambda _: SimpleNamespace(rates={"policy": SuccessRate(48, 50)})
+    )
+    config = BenchmarkConfig("peract2,rvt_lf", "lift_ball,push_box", lanes=2, output=tmp_path)
+    asked = column.cells(config, ["lift_ball", "push_box"])
+    with pytest.raises(BimanualError, match=r"1 of 4 failed; .*logs/push_box_peract2_small_seed1000.log"):
+        column.run_column(asked, lanes=2)
+    assert [words[3:5] for words in started[:2]] == [
+        ["--policy=peract2", "--task=lift_ball"],
+        ["--policy=peract2", "--task=push_box"],  # no lane waits for the dataset of another
+    ]
+    assert len(started) == len([*(tmp_path / "logs").iterdir()]) == 4
 
 
 def test_numbers_and_further_flags_that_are_given_win_over_recipe_and_protocol():

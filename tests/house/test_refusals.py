@@ -45,11 +45,10 @@ REFUSED = {
         "axes=mass levels=4 output=made": "levels is 4, but must be one of: 1, 2, 3",
     },
     "policy benchmark": {
-        "task=symmetric": "'symmetric', a suite, but a benchmark is of one task; run one for each of: dual_push",
         "task=lift_bal": "Did you mean 'lift_ball'?",
         "variation=7": "variation of lift_ball is '7'",
         "trained_on=push_box,lift_tray": "not contain 'lift_ball'; score one of: push_box, lift_tray",
-        "task=../../lift_ball": "is '../../lift_ball', but a benchmark is of one task",
+        "task=../../lift_ball": "task is '../../lift_ball', but must be one of: dual_push_buttons",
         "variation=../1": "variation is '../1', but must be an index of up to four digits, or any",
         "trained_on=all variation=0": "--trained_on=all has demonstrations of any",
         "trained_on=all val_episodes=20": "val_episodes is 20, but of a network that learned from other tasks",

@@ -1,0 +1,107 @@
+"""Benchmarks of several policies on several tasks, in lanes that work at the same time."""
+
+import os
+import shlex
+import subprocess
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+
+from tqdm import tqdm
+
+from lerobot_bimanual.benchmark.config import BenchmarkConfig, command
+from lerobot_bimanual.benchmark.pipeline import end, start
+from lerobot_bimanual.benchmark.plan import Plan
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.resources import usable_cores
+from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.protocols import PROTOCOLS
+
+LOOK_S = 0.2
+
+
+def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig]:
+    """One benchmark for each task and policy, all policies of a task after each other.
+
+    Args:
+        config: what was asked for, with several policies separated by commas.
+        tasks: names of the tasks; those that the protocol is not for are left out.
+
+    Raises:
+        BimanualError: a flag is not allowed for one of them.
+    """
+    policies = config.policy.split(",")
+    meant = PROTOCOLS[config.protocol].tasks if config.protocol in PROTOCOLS else ()
+    tasks = [task for task in tasks if task in meant] or tasks
+    found = [
+        replace(config, task=task, policy=policy, lanes=1, dry_run=False)
+        for task in tasks
+        for policy in policies
+    ]
+    for cell in found:
+        Plan.of(cell)
+    return found
+
+
+def run_column(column: Sequence[BenchmarkConfig], lanes: int) -> None:
+    """Run benchmarks; a failure in one does not keep the others from running.
+
+    Policies of a task share its demonstrations, so a lane takes one task at a time. A network for several tasks is
+    shared by all, so it has one lane. The output of each benchmark is in a file of the folder `logs`.
+
+    Args:
+        column: the benchmarks, those of a task after each other.
+        lanes: how many tasks are worked on at the same time.
+
+    Raises:
+        BimanualError: some failed; the message has the files of their output.
+    """
+    lanes = 1 if any(Plan.of(cell).settings.trained_on for cell in column) else lanes
+    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, usable_cores() // lanes)))
+    waiting = deque(deque(group) for _, group in groupby(column, lambda cell: cell.task))
+    running: dict[subprocess.Popen[bytes], deque[BenchmarkConfig]] = {}
+    failed = []
+    with tqdm(total=len(column), unit="benchmark", smoothing=0) as bar:
+        try:
+            while waiting or running:
+                while waiting and len(running) < lanes:
+                    lane = waiting.popleft()
+                    running[_start(lane[0])] = lane
+                for process in [process for process in running if process.poll() is not None]:
+                    lane = running.pop(process)
+                    cell = lane.popleft()
+                    bar.write(f"{cell.task}, {cell.policy}: {_outcome(cell, process.returncode)}")
+                    bar.update()
+                    if process.returncode:
+                        failed.append(str(_log(cell)))
+                    if lane:
+                        running[_start(lane[0])] = lane
+                time.sleep(LOOK_S)
+        finally:
+            for process in running:
+                end(process)
+    if failed:
+        raise BimanualError(
+            f"{len(failed)} of {len(column)} failed; the same command runs them again. Read: {', '.join(failed)}"
+        )
+
+
+def _start(cell: BenchmarkConfig) -> subprocess.Popen[bytes]:
+    path = _log(cell)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("wb") as log:
+        return start(shlex.split(command(cell)), log)
+
+
+def _log(cell: BenchmarkConfig) -> Path:
+    return cell.output / "logs" / f"{Plan.of(cell).result.stem}.log"
+
+
+def _outcome(cell: BenchmarkConfig, code: int) -> str:
+    if code:
+        return f"failed with exit code {code}, see {_log(cell)}"
+    rate = BenchmarkResult.read(Plan.of(cell).result).rates["policy"]
+    return f"{rate.successes} of {rate.trials}"
