@@ -59,6 +59,7 @@ class Recipe:
     """How a policy is trained.
 
     Attributes:
+        file: where it is.
         sections: content of the file.
         view: dataset view that the policy learns from.
         steps: optimiser steps.
@@ -66,6 +67,7 @@ class Recipe:
         save_freq: steps from one checkpoint to the next.
     """
 
+    file: Path
     sections: Mapping[str, Any]
     view: schema.View
     steps: int
@@ -93,7 +95,7 @@ class Recipe:
             raise InvalidChoice(f"last folder of dataset.root in {files[name]}", view, get_args(schema.View))
         if type_ != policy:
             raise BimanualError(f"{files[name]} trains {type_!r}, but must train {policy!r}")
-        return cls(sections, view, *numbers)
+        return cls(files[name], sections, view, *numbers)
 
     @staticmethod
     def _installed(policy: str) -> dict[str, Path]:

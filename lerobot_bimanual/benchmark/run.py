@@ -60,6 +60,7 @@ def check_task(settings: BenchmarkSettings) -> None:
 
 def show(plan: Plan, console: Console) -> None:
     """Print the commands of a benchmark, as a script that would run it."""
+    console.print(f"# recipe: {plan.recipe.file}", highlight=False, soft_wrap=True)
     *commands, test = plan.commands(plan.settings.checkpoint_steps[-1])
     for command in commands:
         show_command(console, "", command.words)

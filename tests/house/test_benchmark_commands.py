@@ -55,6 +55,7 @@ def test_a_dry_run_prints_and_runs_nothing(tmp_path: Path, capsys):
     printed = capsys.readouterr().out.splitlines()
     commands = commands_of(BenchmarkConfig(output=tmp_path / "output"))
     assert [shlex.split(line) for line in printed if not line.startswith("#")] == commands
+    assert Path(printed[0].removeprefix("# recipe: ")).is_file()
     assert not (tmp_path / "output").exists()
 
 
