@@ -3,6 +3,8 @@ BIN := .venv/bin
 # Test files run side by side, each on one core.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 .DEFAULT_GOAL := help
+# Of compiled modules LeRobot is imported in six seconds, otherwise in fifteen, by every program that a test starts.
+unexport PYTHONDONTWRITEBYTECODE
 .PHONY: help setup watch demo expert-reports test test-slow test-all fuzz mujoco check format bench docs lock build clean
 
 help:  ## List the targets

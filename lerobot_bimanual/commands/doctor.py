@@ -111,6 +111,11 @@ def check_machine() -> Iterator[Finding]:
     """What this process may use: cores, memory, disk, and a CUDA device for training at full size."""
     free = f"{usable_memory() / 1e9:.0f} GB memory free, {shutil.disk_usage('.').free / 1e9:.0f} GB free here"
     yield Finding("machine", "info", f"{usable_cores()} cores, {free}")
+    if sys.dont_write_bytecode:
+        remedy = "unset PYTHONDONTWRITEBYTECODE, or: python -m compileall -q " + sys.prefix
+        yield Finding(
+            "byte code", "info", "not kept: every program compiles LeRobot anew, for ten seconds", remedy
+        )
     if _version("torch") is None:
         return
     import torch
