@@ -6,6 +6,7 @@ from lerobot_bimanual.errors import InvalidChoice
 
 MAX_LEVEL = 3
 """Level 0 is nominal."""
+LEVELS = tuple(range(1, MAX_LEVEL + 1))
 
 
 def parse_levels(text: object) -> dict[str, int]:

@@ -1,6 +1,5 @@
 """Where a dataset comes from: `meta/bimanual.json`, beside LeRobot's own metadata."""
 
-import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -106,16 +105,12 @@ def check_version(features: Mapping[str, Any], root: Path) -> None:
     """Refuse a dataset of another version of the schema; one that does not say its version is not of ours, or was edited.
 
     Raises:
-        DatasetError: it has another version; the message has the command that makes it anew.
+        DatasetError: it has another version; the message says what makes it anew.
     """
     info = (features.get(TASK_NAME) or {}).get("info") or {}
-    found, provenance = info.get(VERSION_INFO, SCHEMA_VERSION), root / PROVENANCE_FILE
+    found = info.get(VERSION_INFO, SCHEMA_VERSION)
     if found != SCHEMA_VERSION:
-        how = ["generate", "--task=TASK"]
-        if provenance.is_file():
-            how = ["regenerate", f"--provenance={provenance}"]
-        command = shlex.join(["lerobot-bimanual", "dataset", *how, f"--root={root}_anew"])
         raise DatasetError(
             f"{root} has schema version {found}, but this version of lerobot_bimanual reads {SCHEMA_VERSION}: make the "
-            f"dataset anew with `{command}`"
+            f"dataset anew with `lerobot-bimanual dataset generate`; its card and {PROVENANCE_FILE} say with which options"
         )

@@ -1,91 +1,54 @@
-"""Robustness results as one table, a line per condition, for pages, charts, comparisons and the terminal."""
+"""A robustness result on the terminal, a line per condition."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
 # The types of pandas do not tell a frame from a series where it is indexed or grouped.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
-from lerobot_bimanual.perturbation_levels import MAX_LEVEL
-from lerobot_bimanual.results.robustness import NOMINAL, RobustnessResult, condition_name
+from lerobot_bimanual.results.robustness import RobustnessResult
 from lerobot_bimanual.results.statistics import holm, sign_flip_p_value
 from lerobot_bimanual.terminal import print_table, say
 
-LEVELS = range(1, MAX_LEVEL + 1)
-TRAINING_SEED = re.compile(r"_seed\d+$")
-"""Results whose names differ in nothing else, beside the task, are trainings of one policy."""
 
-
-def conditions_table(results: Mapping[str, RobustnessResult]) -> pd.DataFrame:
-    """One line per result and condition.
-
-    Args:
-        results: by name.
+def conditions_table(result: RobustnessResult) -> pd.DataFrame:
+    """One line per condition.
 
     Returns:
-        Columns `result`, `policy` (name without the task and the training seed), `task`, `condition`, `axis`, `group`,
-        `level`, `magnitude`, `n` (episodes), `solved`, `low` and `high` (95 % interval of the rate), `expert` and
-        `open_loop` (episodes solved), `valid`, and beside the nominal world `lost`, `won` (episodes), `p` (McNemar's exact
-        test) and `p_holm` (corrected by Holm for the number of axes with a valid condition of the same level; NaN if the
-        condition is not valid).
+        Columns `condition`, `level`, `magnitude`, `n` (episodes), `solved`, `low` and `high` (95 % interval of the rate),
+        `expert` and `open_loop` (episodes solved), `valid`, and beside the nominal world `lost`, `won` (episodes), `p`
+        (McNemar's exact test) and `p_holm` (corrected by Holm for the number of axes with a valid condition of the same
+        level; NaN if the condition is not valid).
     """
-    lines = []
-    for name, result in results.items():
-        axes = {axis.name: axis for axis in result.axes}
-        for each in result.conditions:
-            rates, axis = each.rates, axes.get(each.axis)
-            changes = each.changes_from(result.nominal)
-            low, high = rates["policy"].interval
-            lines.append(
-                {
-                    "result": name,
-                    "policy": TRAINING_SEED.sub("", name.removeprefix(f"{result.task}_")),
-                    "task": result.task,
-                    "condition": each.name,
-                    "axis": each.axis,
-                    "group": axis.group if axis else "",
-                    "level": each.level,
-                    "magnitude": axis.magnitudes[each.level - 1] if axis else None,
-                    "n": len(each.episodes),
-                    "solved": rates["policy"].successes,
-                    "low": low,
-                    "high": high,
-                    "expert": rates["expert"].successes,
-                    "open_loop": rates["open_loop"].successes,
-                    "valid": each.is_valid,
-                    "lost": changes.count(-1),
-                    "won": changes.count(1),
-                    "p": sign_flip_p_value(changes) if axis else None,
-                }
-            )
+    lines, axes = [], {axis.name: axis for axis in result.axes}
+    for each in result.conditions:
+        rates, axis = each.rates, axes.get(each.axis)
+        changes = each.changes_from(result.nominal)
+        low, high = rates["policy"].interval
+        lines.append(
+            {
+                "condition": each.name,
+                "level": each.level,
+                "magnitude": axis.magnitudes[each.level - 1] if axis else None,
+                "n": len(each.episodes),
+                "solved": rates["policy"].successes,
+                "low": low,
+                "high": high,
+                "expert": rates["expert"].successes,
+                "open_loop": rates["open_loop"].successes,
+                "valid": each.is_valid,
+                "lost": changes.count(-1),
+                "won": changes.count(1),
+                "p": sign_flip_p_value(changes) if axis else None,
+            }
+        )
     table = pd.DataFrame(lines)
     tested = table[(table.level > 0) & table.valid]
-    table["p_holm"] = tested.groupby(["result", "level"]).p.transform(lambda p: holm([*p]))
+    table["p_holm"] = tested.groupby("level").p.transform(lambda p: holm([*p]))
     return table
-
-
-def axis_names(table: pd.DataFrame) -> list[str]:
-    """Axes of a table of conditions, by group and name."""
-    perturbed = table[table.level > 0]
-    return [*perturbed.sort_values(["group", "axis"]).axis.drop_duplicates()]
-
-
-def by_axis(cells: pd.DataFrame, axes: list[str]) -> pd.DataFrame:
-    """Texts of conditions as a table with a line for the nominal world and one per axis, levels side by side.
-
-    Args:
-        cells: texts; the index has names of conditions. What is absent becomes a point.
-        axes: names of the axes, in their order.
-    """
-    lines = {NOMINAL: [NOMINAL]} | {axis: [condition_name(axis, level) for level in LEVELS] for axis in axes}
-    filled = cells.reindex([name for names in lines.values() for name in names]).fillna(".")
-    joined = {column: [" ".join(filled.loc[names, column]) for names in lines.values()] for column in cells}
-    return pd.DataFrame({"axis": [*lines], **joined})
 
 
 def print_robustness(result: RobustnessResult) -> None:
@@ -93,7 +56,7 @@ def print_robustness(result: RobustnessResult) -> None:
 
     Lost and won are the episodes that are solved only in the nominal world, and only on the condition.
     """
-    table = conditions_table({result.policy: result})
+    table = conditions_table(result)
     shown = pd.DataFrame(
         {
             "condition": line.condition,

@@ -8,7 +8,6 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import read_file
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.results.episode import EpisodeCount, Episodes, Sha256, success_rate
 from lerobot_bimanual.results.evaluation import WorldVersion
@@ -242,11 +241,6 @@ def condition_name(axis: str, level: int) -> str:
 def perturb_text(axis: str, level: int) -> str:
     """A condition as the option `perturb` takes it; empty in the nominal world."""
     return f"{axis}:{level}" if axis else ""
-
-
-def is_robustness_result(path: Path) -> bool:
-    """Whether a file looks like a robustness result, be it a damaged one."""
-    return path.is_file() and b'"conditions"' in read_file(path)
 
 
 def read_expert_robustness(folder: Path) -> dict[str, ExpertRobustnessReport]:

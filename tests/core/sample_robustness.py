@@ -37,14 +37,6 @@ def solved(outcomes: str) -> tuple[int, ...]:
     return tuple(seed for seed, letter in enumerate(outcomes) if letter == "x")
 
 
-def result(config: dict[str, Any] | None = None, **changes: Any) -> RobustnessResult:
-    """`ROBUSTNESS` with other fields; `config` has changes of its config."""
-    conditions = changes.get("conditions", ROBUSTNESS.conditions)
-    fields = dict(ROBUSTNESS.config) | {"episodes": len(conditions[0].episodes)} | (config or {})
-    every = {name: getattr(ROBUSTNESS, name) for name in RobustnessResult.model_fields}
-    return RobustnessResult(**every | {"config": RobustnessConfig(**fields)} | changes)
-
-
 AXES = (
     AxisRecord(name="camera_moved", group="seen", unit="degrees", magnitudes=(2.0, 5.0, 10.0)),
     AxisRecord(name="mass", group="bodies", unit="times the mass", magnitudes=(1.2, 1.5, 2.0)),

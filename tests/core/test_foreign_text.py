@@ -19,7 +19,7 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.errors import MAX_TEXT, BimanualError
 from lerobot_bimanual.pages import markdown
 from lerobot_bimanual.reports.benchmark_page import benchmark_page
-from lerobot_bimanual.reports.robustness_pages import expert_robustness_page, robustness_page
+from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
 from lerobot_bimanual.reports.robustness_table import print_robustness
 from lerobot_bimanual.results.benchmark import Machine
 from lerobot_bimanual.results.expert_report import ExpertReport, VariationLoad
@@ -104,7 +104,7 @@ def show(datasets, tmp_path, capsys) -> dict[type[Record], Callable[[Any], str]]
 
     def robustness(record: Any) -> str:
         print_robustness(record)
-        return robustness_page({"a": record, f"b {EVIL}": record}) + capsys.readouterr().out
+        return capsys.readouterr().out
 
     return {
         type(RESULT): lambda record: benchmark_page({Path("a.json"): record}, Path(EVIL)),

@@ -15,7 +15,7 @@ from sample_results import provenance
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.layout import check_features
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import DATA_PATH, VIDEO_PATH, RecordedDataset, find_view
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError
@@ -128,18 +128,11 @@ def test_our_own_features_pass_with_other_columns_and_a_mismatch_names_everythin
         assert part in str(mismatch.value)
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_a_dataset_of_another_schema_is_refused_with_the_command_that_makes_it_anew(
-    features, tmp_path, known
-) -> None:
+def test_a_dataset_of_another_schema_is_refused_with_what_makes_it_anew(features, tmp_path) -> None:
     features[schema.TASK_NAME]["info"] = {schema.VERSION_INFO: 2}
-    command = "generate --task=TASK"
-    if known:
-        command = f"regenerate --provenance={tmp_path / PROVENANCE_FILE}"
-        provenance().model_copy(update={"schema_version": 2}).write(tmp_path / PROVENANCE_FILE)
-        assert Provenance.of_dataset(tmp_path) is not None
-    whole = f"`lerobot-bimanual dataset {command} --root={tmp_path}_anew`"
-    with pytest.raises(DatasetError, match=rf"has schema version 2, but .* reads 3: .* {re.escape(whole)}$"):
+    with pytest.raises(
+        DatasetError, match=r"has schema version 2, but .* reads 3: .* `lerobot-bimanual dataset gen"
+    ):
         check_features(features, tmp_path)
 
 

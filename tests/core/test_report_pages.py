@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 from sample_results import RESULT, proved, put, reported, variant
-from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition, result
+from sample_robustness import EXPERT_REPORT
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
-from lerobot_bimanual.reports.robustness_pages import expert_robustness_page, robustness_page
+from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
 
 
 @pytest.fixture
@@ -103,22 +103,6 @@ def test_a_folder_without_results_and_a_result_under_another_name_are_refused(re
     (results / "lift_ball_mine_small_seed1000.json").rename(results / "better.json")
     with pytest.raises(BimanualError, match=r"better\.json: .*must be named lift_ball_mine_small"):
         read_results(results)
-
-
-def test_a_page_of_robustness_has_the_tables_of_all_policies(snapshot):
-    changed = (ROBUSTNESS.nominal, condition("camera_moved", 1, "xxxxx....."), *ROBUSTNESS.conditions[2:])
-    again = result({"checkpoint_sha256": "1f" * 32}, conditions=changed)
-    fewer = (condition("", 0, "xxxxxx...."), *ROBUSTNESS.conditions[1:])
-    worse = result({"checkpoint_sha256": "2f" * 32}, conditions=fewer)
-    results = {
-        "lift_ball_mine": ROBUSTNESS,
-        "lift_ball_mine_seed2000": again,
-        "lift_ball_mine_seed3000": again,  # the same weights are no further training
-        "lift_ball_yours": worse,
-        "lift_ball_yours_seed7": result({"checkpoint_sha256": "3f" * 32}, conditions=fewer),
-        "push_box_mine": result({"task": "push_box"}),
-    }
-    assert robustness_page(results) == snapshot
 
 
 def test_a_page_of_expert_robustness_says_which_conditions_are_valid(snapshot):

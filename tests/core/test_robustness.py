@@ -10,7 +10,7 @@ from lerobot_bimanual.results.statistics import SuccessRate, holm
 
 
 def test_the_report_counts_what_it_lists_and_each_condition_is_compared_with_the_nominal_one():
-    table = conditions_table({"mine": ROBUSTNESS}).set_index("condition")
+    table = conditions_table(ROBUSTNESS).set_index("condition")
     assert (table.lost["camera_moved:2"], table.won["camera_moved:2"]) == (6, 0)
     pair = ["camera_moved:2", "mass:2"]
     assert [*table.p[pair]] == [2 / 64, 2 / 4]

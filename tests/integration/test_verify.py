@@ -11,7 +11,7 @@ import pytest
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.checksums import checksum_problems, write_checksums
-from lerobot_bimanual.dataset.reader import read_info
+from lerobot_bimanual.dataset.reader import RecordedDataset, read_info
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify, parse_episodes
@@ -128,15 +128,39 @@ def test_the_command_fails_and_says_where(generated, tmp_path, capsys) -> None:
     assert "frames" in capsys.readouterr().out
 
 
-def test_not_replayed_is_not_passed(copy, capsys) -> None:
+@pytest.mark.parametrize(
+    ("field", "other", "reason"),
+    [
+        ("versions", {"mujoco": "1.2.3"}, "generated with mujoco 1.2.3 (installed: "),
+        ("versions", {"libc": "glibc-1.0"}, "made with the C library glibc-1.0 (here: "),
+        ("worlds", {"lift_ball": "0123456789ab"}, "lift_ball in world 0123456789ab"),
+    ],
+)
+def test_not_replayed_is_not_passed(copy, capsys, field, other, reason) -> None:
     root = copy("keyframes")
-    c.provenance(lambda origin: origin["versions"].update(mujoco="1.2.3"))(root)
+    c.provenance(lambda origin: origin[field].update(other))(root)
     write_card(root, "local/small")
     write_checksums(root)
     assert dataset_verify(DatasetVerifyConfig(root=root, workers=1)) == 3
     printed = capsys.readouterr().out
-    assert "not replayed, so not passed: generated with mujoco 1.2.3 (installed: " in printed
+    assert "not replayed, so not passed: " in printed
+    assert reason in printed
     assert "replay  " not in printed
+
+
+@pytest.mark.slow
+def test_a_dataset_of_a_perturbed_world_is_complete_and_sound(small_generation, tmp_path, capsys) -> None:
+    config = small_generation(
+        tmp_path / "made", episodes=1, view="keyframes", perturb="camera_moved:2,light:1"
+    )
+    dataset_generate(config)
+    dataset = RecordedDataset(config.root)
+    assert dataset.calibration is None  # cameras stand elsewhere in every episode, so every row says where
+    assert dataset.episode(0).columns[schema.CAMERA_EXTRINSICS].shape[1:] == (80,)
+    dataset_generate(config)
+    assert "is already complete" in capsys.readouterr().out
+    assert dataset_verify(DatasetVerifyConfig(root=config.root, workers=1)) == 0
+    assert "warning" not in capsys.readouterr().out
 
 
 def test_depth_is_in_keyframes_alone_unless_asked_for_and_both_views_pass(

@@ -55,7 +55,6 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
         lerobot-bimanual dataset verify --root=data/lift_ball
         lerobot-bimanual dataset verify --root=data/lift_ball --episode_indices=0:20 --render=all
     """
-    from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
     from lerobot_env_bimanual.verification.fault import READABLE, Fault, Findings
     from lerobot_env_bimanual.verification.rendering import ALL_ROWS
     from lerobot_env_bimanual.verification.verifier import EpisodeReport, Thoroughness
@@ -87,8 +86,7 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
         view.print()
     print(f"rows were drawn by --sample_seed={seed}")
     if any(view.is_wrong for view in views):
-        provenance = f"--provenance={views[0].root / PROVENANCE_FILE}"
-        show_next("lerobot-bimanual", "dataset", "regenerate", provenance, f"--root={config.root}_again")
+        show_next("lerobot-bimanual", "dataset", "generate", "--help")  # the card has the flags that made it
         return FAULTS
     if any(view.remark for view in views):
         return NOT_REPLAYED

@@ -14,38 +14,26 @@ from lerobot_bimanual.terminal import show_next
 class ResultsReportConfig:
     """Flags of `results report`."""
 
-    # A file, or a folder of files, that `policy benchmark` or `policy robustness` has written.
+    # A file, or a folder of files, that `policy benchmark` has written.
     results: Path = field(kw_only=True)
     # The page, Markdown; without it the page is printed.
     output: Path | None = None
 
 
 def results_report(config: ResultsReportConfig) -> None:
-    """Write a page of results: success of policies side by side, or their robustness.
-
-    Results of `policy benchmark` become the table of success of all policies on all tasks, and results of `policy robustness`
-    the tables of what each condition costs each policy.
+    """Write a page of results: success of all policies on all tasks side by side.
 
     Every file is checked first, by itself and against the others; nothing is written if one is wrong.
 
     Examples:
         lerobot-bimanual results report --results=results/leaderboard
         lerobot-bimanual results report --results=results/leaderboard --output=docs/results.md
-        lerobot-bimanual results report --results=results/robustness --output=docs/robustness_results.md
     """
     from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
-    from lerobot_bimanual.reports.robustness_pages import robustness_page
-    from lerobot_bimanual.results.record import result_paths
-    from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 
     if config.output is not None:
         check_output_file(config.output)
-    paths = result_paths(config.results)
-    if is_robustness_result(paths[0]):
-        page = robustness_page({path.stem: RobustnessResult.read(path) for path in paths})
-    else:
-        page = benchmark_page(read_results(config.results), config.results)
-    write_page(page, config.output)
+    write_page(benchmark_page(read_results(config.results), config.results), config.output)
     if config.output is not None:
         print(config.output)
         show_next("lerobot-bimanual", "results", "verify", f"--results={config.results}")

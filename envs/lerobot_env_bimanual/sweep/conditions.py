@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.perturbation_levels import MAX_LEVEL
+from lerobot_bimanual.perturbation_levels import LEVELS
 from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.results.robustness import (
     AxisRecord,
@@ -33,8 +33,6 @@ from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evalua
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.workers import WorkerPool
 from lerobot_env_bimanual.world.arena import build_spec
-
-LEVELS = tuple(range(1, MAX_LEVEL + 1))
 
 
 @dataclass(frozen=True)
