@@ -22,4 +22,4 @@ lerobot-bimanual expert evaluate --task="$TASK" --first_seed="$SEED" --episodes=
     echo "the open-loop baseline scores more than it should, which happens on few episodes"
 
 # The first of them as a video and in pictures, the policy beside the expert.
-lerobot-bimanual task view --task="$TASK" --first_seed="$SEED" --checkpoint="$POLICY" --window=false --output="$OUT/view"
+lerobot-bimanual task view --task="$TASK" --first_seed="$SEED" --checkpoint="$POLICY" --output="$OUT/view"

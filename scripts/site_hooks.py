@@ -117,7 +117,7 @@ def _film_experts() -> None:
     program, made = Path(sys.executable).with_name("lerobot-bimanual"), ROOT / "build/render"
     FILMS.mkdir(parents=True, exist_ok=True)
     for task in missing:
-        words = ["task", "view", f"--task={task}", "--window=false", f"--output={made}"]
+        words = ["task", "view", f"--task={task}", f"--output={made}"]
         subprocess.run([program, *words], check=True)
         (film,) = made.glob(f"{task}_v*.mp4")
         film.replace(FILMS / f"{_film_names()[task]}.mp4")

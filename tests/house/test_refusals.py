@@ -128,7 +128,7 @@ NEEDED = {
     "results diagnose": [ROWS],
     "results report": [ROWS],
     "task new": ["--name=mine"],
-    "task view": ["--task=lift_ball", "--window=false"],
+    "task view": ["--task=lift_ball"],
 }
 """Further flags of a command."""
 COMMANDS = [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -26,64 +25,45 @@ class TaskViewConfig:
     first_seed: int = 0  # seed of the first episode
     episodes: int = 1  # number of episodes of which videos are written
     perturb: str = ""  # perturbations AXIS:LEVEL, separated by commas
-    # Folder `pretrained_model` of a trained policy. The viewer shows the policy, a video the expert and the policy
-    # side by side in the same episode.
+    # Folder `pretrained_model` of a trained policy: expert and policy stand side by side in the same episode.
     checkpoint: Path | None = None
     trust_checkpoint: bool = False  # load what the checkpoint names, without `policy check`
-    window: bool = True  # open a window where there is a display; otherwise a video is written
-    # of a video; a fixed one turns and zooms to hands and moved things
+    # a fixed one turns and zooms to hands and moved things
     camera: Literal["front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist"] = "front"
-    # Of a video. On one CPU core a picture costs 300 ms with shadows and anti-aliasing (`high`), 25 ms without.
+    # On one CPU core a picture costs 300 ms with shadows and anti-aliasing (`high`), 25 ms without.
     quality: Literal["observation", "high"] = "observation"
     output: Path = Path("outputs/view")  # folder of the videos
 
 
 def task_view(config: TaskViewConfig) -> None:
-    r"""Watch an expert, or a trained policy, at one episode.
-
-    Where there is a display, MuJoCo's interactive viewer opens and the episode is played in real time: turn with the
-    left mouse button, move with the right one, zoom with the wheel. One seed follows the other until the window is closed.
-
-    Where there is none, or with `--window=false`, a video is written instead.
+    r"""Write videos of an expert, or of a trained policy beside it, at single episodes.
 
     A policy sees the cameras and the image size that its checkpoint names. LeRobot calls whatever a checkpoint's files
     name, so one that `policy check` does not pass is refused unless `--trust_checkpoint` is given.
 
     Examples:
         lerobot-bimanual task view --task=lift_ball
-        lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2 --window=false
+        lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2
         lerobot-bimanual task view --task=put_bottle_in_fridge --setting=varied
-        lerobot-bimanual task view --task=lift_ball --window=false --camera=left_shoulder --quality=high
-        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --window=false
-        lerobot-bimanual task view --task=handover_item_easy --window=false \
+        lerobot-bimanual task view --task=lift_ball --camera=left_shoulder --quality=high
+        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1
+        lerobot-bimanual task view --task=handover_item_easy \
             --checkpoint=results/checkpoints/peract2_on_all
     """
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
-    reason = no_window() if config.window else "--window=false was given"
-    if reason:
-        # Before MuJoCo is loaded; a display may be there that does not open.
-        os.environ.setdefault("MUJOCO_GL", "egl")
-        check_output_folder(config.output)
-    _play(config, reason)
+    os.environ.setdefault(
+        "MUJOCO_GL", "egl"
+    )  # before MuJoCo is loaded; a display may be there that does not open
+    check_output_folder(config.output)
+    _play(config)
     show_next(
         "lerobot-bimanual", "dataset", "generate", f"--task={config.task}", f"--root=data/{config.task}"
     )
 
 
-def no_window() -> str:
-    """Why no window can be opened; empty if one can."""
-    if "DISPLAY" not in os.environ and "WAYLAND_DISPLAY" not in os.environ:
-        return "there is no display"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # GLFW's own text of the same
-        import glfw
-
-        return "" if glfw.init() else "the display cannot be opened"
-
-
-def _play(config: TaskViewConfig, reason: str) -> None:
-    """Play in a window, or write videos if there is a reason why not."""
+def _play(config: TaskViewConfig) -> None:
+    """Play the episodes, and write a video of each."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.rendering.film import rollout, write_film
@@ -98,13 +78,6 @@ def _play(config: TaskViewConfig, reason: str) -> None:
             require_safe(config.checkpoint)
         players["policy"] = policy_player(config.checkpoint)
     env = BimanualEnv(config.task, options=_options(config))
-    if not reason:
-        from lerobot_env_bimanual.viewer import watch
-
-        watch(env, players.popitem()[1], config.first_seed)
-        env.close()
-        return
-    print(f"{reason}, so a video of {' and '.join(players)} is written")
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
         setting = env.options.setting.removeprefix(STANDARD)

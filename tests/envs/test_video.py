@@ -1,62 +1,13 @@
-"""The viewer plays one episode after the other; videos of episodes."""
-
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import SimpleNamespace
-from typing import Any
+"""Videos of episodes."""
 
 import av
 import numpy as np
 import pytest
 
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import expert
-from lerobot_env_bimanual.options import VARIED
-from lerobot_env_bimanual.viewer import watch
 from lerobot_env_bimanual.world.video import VideoWriter
 
 pytestmark = pytest.mark.sim
-
-
-class Screen:
-    """A window that notes what it shows, and is closed when it has shown a text."""
-
-    def __init__(self, last: str):
-        self.last = last
-        self.shown: list[str] = []
-        self.places: list[np.ndarray] = []
-        self.cam: Any = None
-        self.models: list[Any] = []
-        self.data: Any = None
-
-    @contextmanager
-    def open(self, model: Any, data: Any) -> Iterator["Screen"]:
-        self.models += [model]
-        self.data = data
-        self.cam = SimpleNamespace(lookat=np.zeros(3), distance=0.0, azimuth=0.0, elevation=0.0)
-        yield self
-
-    def is_running(self) -> bool:
-        return not self.shown or self.last not in self.shown[-1]
-
-    def set_texts(self, texts: tuple) -> None:
-        self.shown.append(texts[2])
-
-    def sync(self) -> None:
-        self.places.append(self.data.qpos.copy())
-
-
-def test_one_seed_follows_the_other_and_other_things_have_a_window_of_their_own():
-    screen, env = Screen("seed 3, "), BimanualEnv("lift_ball", obs="state", setting=VARIED)
-    watch(env, expert(), 0, screen.open, sleep=lambda _: None)
-    env.close()
-    assert screen.shown[0] == "lift the ball\nseed 0, variation 0\n0.0 s"
-    assert list(dict.fromkeys(text.splitlines()[1][:6] for text in screen.shown)) == [
-        f"seed {seed}" for seed in range(4)
-    ]
-    assert np.abs(screen.places[0] - screen.places[50]).max() > 0.1
-    assert screen.cam.distance > 1
-    assert len(screen.models) == len(set(screen.models)) == 2
 
 
 def read_frames(path) -> np.ndarray:
