@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidAction
-from lerobot_bimanual.joint_action import CONTROL_HZ, JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import ActionReader
@@ -25,7 +24,6 @@ from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
 
 logger = logging.getLogger(__name__)
 
-TICK_S = 1 / CONTROL_HZ
 HOME = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
 AT_HOME_RAD = 1e-3
 """Both hands count as sent home when no joint target is further from it than this."""
@@ -103,9 +101,7 @@ class BimanualSim(Robot):
         self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
         self._env: UntimedEnv | None = None
         self._next_seed = config.seed
-        self._command = HOME
         self._has_left_home = False
-        self._began_s = 0.0
 
     @property
     def observation_features(self) -> dict[str, Any]:
@@ -171,7 +167,6 @@ class BimanualSim(Robot):
         Raises:
             DeviceNotConnectedError: before `connect`.
         """
-        self._keep_up(self.env)
         observed = self.env.observe()
         state = observed[env_key(schema.STATE)]
         observation: dict[str, Any] = dict(zip(schema.JOINT_NAMES, state.tolist(), strict=True))
@@ -197,8 +192,6 @@ class BimanualSim(Robot):
         """
         env = self.env
         command = self._read(action)
-        self._keep_up(env)
-        self._command = command
         distance_rad = float(np.abs(by_arm(command - HOME)[:, :JOINTS_PER_ARM]).max())
         if self._has_left_home and distance_rad < AT_HOME_RAD:
             if not env.progress.terminated:
@@ -206,8 +199,7 @@ class BimanualSim(Robot):
             self._begin_episode(env)
         else:
             self._has_left_home |= distance_rad > AWAY_RAD
-            if not self.config.real_time:
-                env.tick(command)
+            env.tick(command)
         return dict(zip(schema.JOINT_NAMES, command.tolist(), strict=True))
 
     def disconnect(self) -> None:
@@ -225,16 +217,8 @@ class BimanualSim(Robot):
     def _begin_episode(self, env: UntimedEnv) -> None:
         env.reset(seed=self._next_seed)
         self._next_seed += 1
-        self._command, self._has_left_home = HOME, False
-        self._began_s = time.perf_counter()
+        self._has_left_home = False
         logger.info('%s: "%s"', env.episode_name, env.task_description)
-
-    def _keep_up(self, env: UntimedEnv) -> None:
-        """In real time, go on with the last action for all the ticks that have passed."""
-        if self.config.real_time:
-            due = int((time.perf_counter() - self._began_s) / TICK_S)
-            while env.progress.ticks < due and not env.progress.terminated:
-                env.tick(self._command)
 
     def _read(self, action: dict[str, Any]) -> np.ndarray:
         """The command (16,) float32 that an action means."""

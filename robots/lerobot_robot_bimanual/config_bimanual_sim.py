@@ -27,9 +27,6 @@ class BimanualSimConfig(EnvOptions, RobotConfig):
     seed: int = 0
     # `rgb`, `rgbd` (also depth in millimetres) or `state` (no images).
     obs: str = "rgb"
-    # Off: an action is one tick of 50 ms, and the same actions lead to the same state, bit for bit. On: the simulation
-    # follows the clock, and repeats the last action until the next one.
-    real_time: bool = False
 
     def __post_init__(self) -> None:
         """Check everything; LeRobot has a check of its own, but of real cameras. MuJoCo is loaded here."""

@@ -117,20 +117,6 @@ def test_a_wrong_action_is_refused_and_changes_nothing(make_robot, change, messa
     assert robot.env.state_hash() == before
 
 
-def test_in_real_time_the_world_goes_on_with_the_last_action(make_robot, monkeypatch):
-    now_s = 100.0
-    monkeypatch.setattr("lerobot_robot_bimanual.bimanual_sim.time.perf_counter", lambda: now_s)
-    robot, patient = make_robot(real_time=True), make_robot()
-    robot.send_action(home(0.2))
-    assert robot.env.progress.ticks == 0
-    now_s += 0.27
-    robot.get_observation()
-    for _ in range(5):
-        patient.send_action(home(0.2))
-    assert robot.env.progress.ticks == 5
-    assert robot.env.state_hash() == patient.env.state_hash()
-
-
 def test_an_option_outside_its_choices_is_refused_with_the_choices():
     for option, named in (
         ({"task": "push_bocks"}, "push_box"),
