@@ -75,13 +75,10 @@ class Registry[T]:
             module = self.modules[name]
             try:
                 importlib.import_module(module)
-            except (
-                BaseException
-            ) as error:  # another distribution's module may fail in any way, and end the process
-                if (
-                    isinstance(error, KeyboardInterrupt)
-                    or getattr(error, "code", None) == 128 + signal.SIGTERM
-                ):
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # another distribution's module may fail in any way
+                if getattr(error, "code", None) == 128 + signal.SIGTERM:
                     raise
                 raise BimanualError(
                     f"{self._kind} {name!r} cannot be loaded from module {module!r}{self._source(name)}: "

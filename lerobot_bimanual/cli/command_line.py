@@ -48,9 +48,7 @@ def answered(program: str, work: Callable[[], int]) -> int:
         program: its name.
         work: gives its exit code.
     """
-    code = (
-        128 + signal.SIGPIPE
-    )  # of work that is unfinished when the reader of our output has left, as `head` does
+    code = 128 + signal.SIGPIPE  # if the reader of our output leaves before the end, as `head` does
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may know ASCII only
     try:

@@ -15,7 +15,6 @@ class DatasetPushConfig:
     private: bool = False  # hide a new repository from others; an existing one stays as it is
     # A branch instead of `main`; load it with LeRobotDataset(repo_id, revision=branch).
     branch: str | None = None
-    tags: tuple[str, ...] = ()  # further tags of the card, by which the Hub finds datasets
 
 
 def dataset_push(config: DatasetPushConfig) -> None:
@@ -31,9 +30,6 @@ def dataset_push(config: DatasetPushConfig) -> None:
     """
     from lerobot_bimanual.dataset.hub import push_dataset
 
-    address = push_dataset(
-        config.root, config.repo_id, private=config.private, branch=config.branch, tags=config.tags
-    )
-    print(address)
+    print(push_dataset(config.root, config.repo_id, private=config.private, branch=config.branch))
     flags = ("--policy.type=peract2", "--policy.push_to_hub=false", f"--dataset.repo_id={config.repo_id}")
     show_next("lerobot-bimanual-train", *flags)

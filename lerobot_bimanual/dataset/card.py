@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections import Counter
-from collections.abc import Sequence
 from importlib.metadata import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,13 +32,12 @@ MEANINGS = tomllib.loads(
 """Each column in words; that of an action by view."""
 
 
-def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
+def write_card(root: Path, repo_id: str) -> None:
     """Write the card of a dataset from its metadata and provenance.
 
     Args:
         root: folder of the dataset.
         repo_id: LeRobot's name of the dataset.
-        tags: further tags, by which the Hub finds datasets.
 
     Raises:
         DatasetError: the dataset has no provenance.
@@ -59,7 +57,7 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
     text = render(
         "lerobot_bimanual.dataset",
         "card.md",
-        tags=[*dict.fromkeys((*TAGS, *tags))],
+        tags=TAGS,
         repo_id=repo_id,
         info=info,
         provenance=provenance,

@@ -7,7 +7,7 @@ always validated at huggingface.co, so its push to another Hub ends after the up
 """
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from http import HTTPStatus
 from pathlib import Path
 
@@ -43,9 +43,7 @@ def check_repo_id(repo_id: str) -> None:
         raise BimanualError(f"repo_id is {repo_id!r}, but must be USER/NAME or ORGANISATION/NAME")
 
 
-def push_dataset(
-    root: Path, repo_id: str, *, private: bool = False, branch: str | None = None, tags: Sequence[str] = ()
-) -> str:
+def push_dataset(root: Path, repo_id: str, *, private: bool = False, branch: str | None = None) -> str:
     """Make a repository, new or not, hold exactly this dataset, with its card, in one commit.
 
     The commit on `main` gets LeRobot's version tag, the revision that `LeRobotDataset(repo_id)` asks for. One on
@@ -56,7 +54,6 @@ def push_dataset(
         repo_id: USER/NAME or ORGANISATION/NAME.
         private: hide a new repository from others; an existing one stays as it is.
         branch: branch instead of `main`; made if it does not exist.
-        tags: further tags of the card.
 
     Returns:
         Address of the dataset.
@@ -72,7 +69,7 @@ def push_dataset(
     hub = HfApi()
     with _plain_errors(repo_id):
         hub.create_repo(repo_id, repo_type="dataset", private=private or None, exist_ok=True)
-        write_card(root, repo_id, tags)
+        write_card(root, repo_id)
         write_checksums(root)
         if branch is not None:
             hub.create_branch(repo_id, branch=branch, repo_type="dataset", exist_ok=True)

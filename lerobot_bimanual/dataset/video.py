@@ -68,15 +68,10 @@ class EpisodeVideoEncoder(StreamingVideoEncoder):
 
     def __init__(self):
         super().__init__(CONTROL_HZ)
-        self._depth_codes = np.asarray(
-            quantize_depth(
-                np.arange(2**16, dtype=np.uint16),
-                depth_min=DEPTH_MIN_M,
-                depth_max=DEPTH_MAX_M,
-                use_log=False,
-                video_backend=None,
-            )
-        )  # (65536,) stored code of every depth in millimetres
+        scale = {"depth_min": DEPTH_MIN_M, "depth_max": DEPTH_MAX_M, "use_log": False}
+        # (65536,) stored code of every depth in millimetres
+        codes = quantize_depth(np.arange(2**16, dtype=np.uint16), video_backend=None, **scale)
+        self._depth_codes = np.asarray(codes)
         self._streams: dict[str, _Stream] = {}
 
     def start_episode(

@@ -19,8 +19,7 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.errors import MAX_TEXT, BimanualError
 from lerobot_bimanual.pages import markdown
 from lerobot_bimanual.reports.benchmark_page import benchmark_page
-from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
-from lerobot_bimanual.reports.robustness_table import print_robustness
+from lerobot_bimanual.reports.robustness import expert_robustness_page, print_robustness
 from lerobot_bimanual.results.benchmark import Machine
 from lerobot_bimanual.results.expert_report import ExpertReport, VariationLoad
 from lerobot_bimanual.results.record import Record

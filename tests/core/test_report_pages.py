@@ -10,7 +10,7 @@ from sample_robustness import EXPERT_REPORT
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
-from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
+from lerobot_bimanual.reports.robustness import expert_robustness_page
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.reports.robustness_table import conditions_table, print_robustness
+from lerobot_bimanual.reports.robustness import conditions_table, print_robustness
 from lerobot_bimanual.results.robustness import is_valid, read_expert_robustness
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 

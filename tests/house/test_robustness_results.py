@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
+from lerobot_bimanual.reports.robustness import expert_robustness_page
 from lerobot_bimanual.results.expert_report import ExpertReport
 from lerobot_bimanual.results.robustness import perturb_text, read_expert_robustness
 from lerobot_env_bimanual.experts.world_version import world_version

@@ -28,7 +28,6 @@ from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.experts.plans import drawn_plan
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
-from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -87,7 +86,7 @@ def test_provenance_says_how_to_make_the_dataset_again(generated, small_generati
     for view in schema.VIEWS:
         provenance = RecordedDataset(generated / view).provenance
         assert provenance is not None
-        assert GenerationSettings.of(**provenance.settings) == settings
+        assert provenance.settings == settings.model_dump(mode="json")
         assert provenance.versions == installed_versions()
         assert provenance.view == view
         assert [key.seed for key in provenance.episodes] == [0, 1, 2]

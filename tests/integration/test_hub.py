@@ -49,7 +49,7 @@ def push(root: Path, repo_id: str = REPO_ID, *flags: str) -> int:
 
 
 def test_the_dataset_is_uploaded_in_one_commit_and_tagged(calls, dataset) -> None:
-    assert push(dataset, REPO_ID, "--private", "--tags=certified,yes") == 0
+    assert push(dataset, REPO_ID, "--private") == 0
     assert [name for name, _ in calls] == ["create_repo", "upload_folder", "delete_tag", "create_tag"]
     created, uploaded, _, tagged = (options for _, options in calls)
     assert created["private"] is True
@@ -59,7 +59,7 @@ def test_the_dataset_is_uploaded_in_one_commit_and_tagged(calls, dataset) -> Non
     assert tagged["tag"] == "v3.0"
     assert list(checksum_problems(dataset)) == []
     card = DatasetCard((dataset / "README.md").read_text())
-    assert {"LeRobot", "bimanual", "depth", "certified", "yes"} <= set(card.data.to_dict()["tags"])
+    assert {"LeRobot", "bimanual", "depth"} <= set(card.data.to_dict()["tags"])
     assert f"# {REPO_ID}" in card.text
 
 

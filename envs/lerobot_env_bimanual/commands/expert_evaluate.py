@@ -121,17 +121,8 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     from lerobot_env_bimanual.experts.world_version import simulation_versions
     from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, Evaluator
 
-    head: dict[str, Any] = {
-        "player": config.player,
-        "discretise": config.discretise,
-        "replay": config.replay,
-        "split": config.split,
-        "first_seed": config.first_seed,
-        "n_seeds": config.episodes,
-        "perturb": config.perturb,
-        "setting": config.setting,
-        "plan": config.plan,
-    }
+    shared = ("player", "discretise", "replay", "split", "first_seed", "perturb", "setting", "plan")
+    head: dict[str, Any] = {"n_seeds": config.episodes} | {name: getattr(config, name) for name in shared}
     log = report = None
     if config.output is not None:
         check_output_file(config.output)

@@ -33,7 +33,7 @@ def expert_report(config: ExpertReportConfig) -> None:
         lerobot-bimanual expert report
         lerobot-bimanual expert report --output=docs/tasks.md
     """
-    from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
+    from lerobot_bimanual.reports.robustness import expert_robustness_page
     from lerobot_bimanual.results.robustness import read_expert_robustness
     from lerobot_env_bimanual.reports.expert_tables import tasks_page
 

@@ -63,7 +63,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from rich.console import Console
     from tqdm import tqdm
 
-    from lerobot_bimanual.reports.robustness_table import print_robustness
+    from lerobot_bimanual.reports.robustness import print_robustness
     from lerobot_env_bimanual.sweep.checkpoint import require_safe
 
     sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 import sys
-import textwrap
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from lerobot_bimanual.terminal import show_next
+from lerobot_bimanual.terminal import print_table, show_next
 from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
-
-WIDTH = 110
-"""Columns where no terminal says how many there are."""
 
 
 @dataclass
@@ -26,9 +20,9 @@ class TaskListConfig:
 
 
 def task_list(config: TaskListConfig) -> None:
-    """List the tasks with their instructions, variations and taxonomy.
+    """List the tasks with an instruction, the number of variations, control ticks at most, and suites.
 
-    The instructions shown are those of the first variation; `--format=json` has all of them, and what makes success.
+    `--format=json` has all instructions, and what makes success.
 
     Examples:
         lerobot-bimanual task list
@@ -39,10 +33,19 @@ def task_list(config: TaskListConfig) -> None:
         json.dump(rows, sys.stdout, indent=2)
         sys.stdout.write("\n")
         return
-    for row in sorted(rows, key=lambda row: row["id"]):
-        count = len(row["variations"])
-        title = f"{row['name']}  ({count} variation{'s' * (count > 1)}, at most {row['horizon_ticks']} ticks)"
-        _print_paragraph(title, (*row["instructions"][0], ", ".join(row["suites"])))
+    import pandas as pd
+
+    table = pd.DataFrame(
+        {
+            "task": row["name"],
+            "instruction": row["instructions"][0][0],
+            "variations": len(row["variations"]),
+            "ticks": row["horizon_ticks"],
+            "suites": ", ".join(row["suites"]),
+        }
+        for row in sorted(rows, key=lambda row: row["id"])
+    )
+    print_table(table)
     show_next("lerobot-bimanual", "task", "view", f"--task={rows[0]['name']}")
 
 
@@ -58,11 +61,3 @@ def _row(name: str) -> dict[str, Any]:
         "success": [condition.name for condition in spec.success],
         "horizon_ticks": spec.horizon_ticks,
     }
-
-
-def _print_paragraph(title: str, texts: Iterable[str]) -> None:
-    """Indented texts under a title, as wide as the terminal; a table would cut names."""
-    width = shutil.get_terminal_size((WIDTH, 24)).columns
-    print(title)
-    for text in texts:
-        print(textwrap.fill(text, width, initial_indent="    ", subsequent_indent="      "))

@@ -52,9 +52,7 @@ def task_view(config: TaskViewConfig) -> None:
     """
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
-    os.environ.setdefault(
-        "MUJOCO_GL", "egl"
-    )  # before MuJoCo is loaded; a display may be there that does not open
+    os.environ.setdefault("MUJOCO_GL", "egl")  # a display may be there that does not open
     check_output_folder(config.output)
     _play(config)
     show_next(

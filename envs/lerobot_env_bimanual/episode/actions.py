@@ -91,16 +91,11 @@ class ActionReader:
         Raises:
             InvalidAction: it has another shape, or does not consist of real numbers.
         """
-        wanted = (
-            f"control mode {self._mode!r} takes a vector of {' or '.join(map(str, self.lengths))} numbers"
-        )
+        lengths = " or ".join(map(str, self.lengths))
+        wanted = f"control mode {self._mode!r} takes a vector of {lengths} numbers"
         try:
             vector = np.asarray(action)
-        except (
-            ValueError,
-            TypeError,
-            RuntimeError,
-        ) as error:  # ragged, or a tensor that requires its gradient
+        except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor with a gradient
             raise InvalidAction(f"{wanted}, got what NumPy cannot read: {error}") from error
         if vector.ndim != 1 or vector.size not in self.lengths:
             raise InvalidAction(f"{wanted}, got shape {vector.shape}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from pathlib import Path
@@ -46,7 +45,7 @@ class GenerationSettings(Record):
         plans: "several" for demonstrations by each of a task's plans equally often; see `lerobot_env_bimanual.experts.plans`.
 
     Raises:
-        BimanualError: a task, variation, camera or perturbation does not exist; the message lists the choices.
+        BimanualError: a task or variation does not exist; the message lists the choices.
     """
 
     tasks: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -69,8 +68,6 @@ class GenerationSettings(Record):
 
     @model_validator(mode="after")
     def _exist(self) -> Self:
-        if len(self.tasks) > len(set(self.tasks)):
-            raise InvalidChoice("tasks", self.tasks, ["a list of different names"])
         listed = self.variation.split(",")
         if len(listed) > len(set(listed)) or (len(listed) > 1 and ANY_VARIATION in listed):
             raise InvalidChoice(
@@ -82,29 +79,10 @@ class GenerationSettings(Record):
                 spec.variation_index(variation)
             if self.plans == "several" and len(spec.plans) == 1:
                 raise InvalidChoice(f"plans of {task}", self.plans, ["one"])
-        if self.views not in (VIEWS, *((view,) for view in VIEWS)):
-            raise InvalidChoice("views", self.views, [*VIEWS, "both in this order"])
-        options = self.options
-        if self.cameras != options.camera_names:
-            raise InvalidChoice("cameras", self.cameras, repr(options.camera_names))
-        if self.perturb != options.perturb:
-            raise InvalidChoice("perturb", self.perturb, repr(options.perturb))
         return self
 
-    @classmethod
-    def of(cls, **options: Any) -> Self:
-        """Settings from options, whose tuples may be lists.
-
-        Raises:
-            BimanualError: an option is missing, unknown, or outside its choices; the message names it.
-        """
-        return cls.from_json(json.dumps(options))
-
     def command(self, root: str) -> str:
-        """The command line that makes this dataset in the folder `root`, with every option that decides its content.
-
-        It is for people to read: programs make a dataset again from the settings themselves.
-        """
+        """The command line that makes this dataset in the folder `root`, with every option that decides its content."""
         flags = {
             "task": ",".join(self.tasks),
             "variation": self.variation,

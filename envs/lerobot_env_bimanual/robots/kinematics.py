@@ -91,9 +91,8 @@ class ArmKinematics:
             Poses (n, 4, 4) and the Jacobian (n, 6, 7): linear over angular velocity per joint velocity.
         """
         sine, cosine = (function(joints.T)[..., None, None] for function in (np.sin, np.cos))
-        frames = (
-            _CONSTANT + sine * _TIMES_SINE + cosine * _TIMES_COSINE
-        )  # (7, n, 4, 4), each in the last joint's
+        # (7, n, 4, 4), each in the last joint's
+        frames = _CONSTANT + sine * _TIMES_SINE + cosine * _TIMES_COSINE
         for before, frame in itertools.pairwise(frames):
             np.matmul(before, frame, out=frame)
         hand = frames[-1] @ _JOINT7_T_TCP

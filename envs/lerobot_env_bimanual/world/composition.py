@@ -220,10 +220,9 @@ def in_view(
     """
     half_height = margin * np.tan(np.deg2rad(model.cam_fovy[camera]) / 2)
     half_width = aspect * half_height
+    # Of the image's sides, in MuJoCo's camera frame.
     outward = np.array([[1, 0, half_width], [-1, 0, half_width], [0, 1, half_height], [0, -1, half_height]])
-    outward /= np.linalg.norm(
-        outward, axis=1, keepdims=True
-    )  # of the image's sides, in MuJoCo's camera frame
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     to_geom = data.geom_xpos - data.cam_xpos[camera]
     beyond_m = (to_geom @ (data.cam_xmat[camera].reshape(3, 3) @ outward.T)).max(axis=1)
     radius_m = model.geom_rbound

@@ -156,13 +156,7 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
     try:
         with safe_open(file, framework="pt") as tensors:
             return check_tensors(str(file), tensors.keys(), tensors.get_tensor, expected)
-    except (
-        SafetensorError,
-        OSError,
-        ValueError,
-        AttributeError,
-        RuntimeError,
-    ) as error:  # of types of numbers, too
+    except (SafetensorError, OSError, ValueError, AttributeError, RuntimeError) as error:
         raise CheckpointError(
             f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
         ) from error

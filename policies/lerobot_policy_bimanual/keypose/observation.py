@@ -107,9 +107,8 @@ def proprioception(batch: dict[str, Any], keypose_horizon: int | None) -> Tensor
     if keypose_horizon is None:
         time = torch.zeros_like(opening)
     else:
-        step = (
-            batch[schema.KEYPOSE_STEP].float().reshape(-1, 1, 1)
-        )  # LeRobot's loader drops the last axis of (b, 1)
+        # LeRobot's loader drops the last axis of (b, 1).
+        step = batch[schema.KEYPOSE_STEP].float().reshape(-1, 1, 1)
         time = (1 - 2 * step / (keypose_horizon - 1)).clamp(min=-1).expand(-1, len(ARMS), -1)
     return torch.cat(
         [(opening > OPEN_ABOVE).float(), (fingers / FINGER_TRAVEL_M).clamp(0, 1), time], dim=-1

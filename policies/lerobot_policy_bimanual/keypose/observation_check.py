@@ -46,9 +46,8 @@ class ObservationCheck:
         """
         _check_shapes(batch, self._config)
         extremes = [_extremes(batch[depth_key(c)], batch[image_key(c)]) for c in self._config.cameras]
-        nearest_mm, farthest_mm, darkest, brightest = (
-            torch.stack(extremes, dim=1).cpu().unbind(0)
-        )  # (cameras, b)
+        # (cameras, b) each
+        nearest_mm, farthest_mm, darkest, brightest = torch.stack(extremes, dim=1).cpu().unbind(0)
         is_empty = (farthest_mm <= 0) | ((farthest_mm - DEPTH_MIN_M * MM_PER_M).abs() < ROUNDING_MM)
         for index, camera in enumerate(self._config.cameras):
             low, high = float(nearest_mm[index].min()), float(farthest_mm[index].max())

@@ -70,9 +70,8 @@ class StemFeatures:
             (b, arms, n, channels, PATCH + 2, PATCH + 2, PATCH + 2).
         """
         width = self._width
-        along = (place * PATCH)[..., None] + torch.arange(
-            -1, PATCH + 1, device=place.device
-        )  # (b, arms, n, 3, 7)
+        # (b, arms, n, 3, 7)
+        along = (place * PATCH)[..., None] + torch.arange(-1, PATCH + 1, device=place.device)
         in_x, in_y, in_z = ((along >= 0) & (along < width)).unbind(-2)
         inside = along.clamp(0, width - 1).unbind(-2)
         x, y, z = (offset[i] for offset, i in zip(row_offsets(width, place.device), inside, strict=True))

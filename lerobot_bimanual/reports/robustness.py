@@ -1,15 +1,23 @@
-"""A robustness result on the terminal, a line per condition."""
+"""A robustness result on the terminal, a line per condition; and the page of the experts, which says where conditions are valid."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
 # The types of pandas do not tell a frame from a series where it is indexed or grouped.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
-from lerobot_bimanual.results.robustness import RobustnessResult
+from lerobot_bimanual.pages import render
+from lerobot_bimanual.perturbation_levels import LEVELS
+from lerobot_bimanual.results.robustness import (
+    MIN_EXPERT_RATE,
+    ExpertRobustnessReport,
+    RobustnessResult,
+    is_valid,
+)
 from lerobot_bimanual.results.statistics import holm, sign_flip_p_value
 from lerobot_bimanual.terminal import print_table, say
 
@@ -84,3 +92,35 @@ def print_robustness(result: RobustnessResult) -> None:
 
 def _corrected_text(line: Any) -> str:
     return f"{line.p_holm:.3g}" if line.valid else "not valid"
+
+
+def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str:
+    """On how many tasks each condition is valid.
+
+    Args:
+        reports: by task.
+    """
+    table = pd.DataFrame(
+        {
+            "task": task,
+            "axis": each.axis,
+            "level": each.level,
+            "valid": is_valid(report.rates(each)["expert"]),
+        }
+        for task, report in reports.items()
+        for each in report.conditions[1:]
+    )
+    overview = pd.Series({key: _valid_tasks(lines) for key, lines in table.groupby(["axis", "level"])})
+    cells = overview.unstack().reindex(columns=LEVELS).fillna("")
+    return render(
+        "lerobot_bimanual.reports",
+        "expert_robustness.md",
+        min_expert_rate=MIN_EXPERT_RATE,
+        overview=cells.add_prefix("level ").rename_axis("axis").reset_index(),
+    )
+
+
+def _valid_tasks(lines: pd.DataFrame) -> str:
+    """Number of tasks on which a condition is valid, of those that have it; in brackets the others."""
+    counts = f"{lines.valid.sum()} of {len(lines)}"
+    return counts if lines.valid.all() else f"{counts} (not {', '.join(lines.task[~lines.valid])})"
