@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shlex
 from pathlib import Path
@@ -127,14 +128,20 @@ def repo_id_of(given: str | None, root: Path) -> str:
     """LeRobot's name of a dataset: what is given, or `local/` and the name of its folder.
 
     Raises:
-        BimanualError: no repository of the Hub can have the given one.
+        InvalidChoice: no repository of the Hub can have the given one.
     """
-    from lerobot_bimanual.dataset.hub import check_repo_id
+    from huggingface_hub.errors import HFValidationError
+    from huggingface_hub.utils import validate_repo_id
 
     if given is None:
         return f"local/{re.sub(r'[^\w.-]', '_', root.absolute().name)}"
-    check_repo_id(given)
-    return given
+    with contextlib.suppress(HFValidationError):
+        validate_repo_id(given)
+        if "/" in given:
+            return given
+    raise InvalidChoice(
+        "repo_id", given, "USER/NAME or ORGANISATION/NAME, of letters, digits, '-', '_' and '.'"
+    )
 
 
 class Origin(Record):
