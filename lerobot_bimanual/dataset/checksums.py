@@ -4,13 +4,14 @@
 in the dataset's folder. It tells whether a dataset is whole and unchanged, not who made it: a forger can write it again,
 and only replay and rendering find that.
 
-The card is listed, too: one that was edited on the Hub's pages is another card than was published.
+The card is listed, too: the Hub does not change it, and `dataset push`, which writes the name of the repository into
+it, writes the manifest anew. A card that was edited on the Hub's pages is another card than was published.
 """
 
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
@@ -44,7 +45,7 @@ def write_checksums(root: Path) -> None:
     write_file(root / CHECKSUMS_FILE, "".join(lines))
 
 
-def checksum_problems(root: Path) -> Iterator[str]:
+def checksum_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[str]:
     """In what a dataset is not as it was published, in one sentence each; nothing if it is.
 
     Files are found by walking the folder and never by a name that the manifest gives, and links are not followed, so no
@@ -53,6 +54,7 @@ def checksum_problems(root: Path) -> Iterator[str]:
 
     Args:
         root: folder of the dataset, one view.
+        rewritten: files that may differ, be missing or be new, because the caller is about to write them; but no links.
     """
     found, problems = plain_files(root)
     yield from problems
@@ -65,7 +67,7 @@ def checksum_problems(root: Path) -> Iterator[str]:
     except (BimanualError, ValueError) as error:
         yield f"{CHECKSUMS_FILE} is damaged: {error}"
         return
-    for name in sorted(listed.keys() | found.keys()):
+    for name in sorted((listed.keys() | found.keys()) - {path.as_posix() for path in rewritten}):
         if name not in listed:
             yield f"{_shown(name)} does not belong here: {CHECKSUMS_FILE} does not list it"
         elif name not in found:

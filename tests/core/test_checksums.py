@@ -108,6 +108,16 @@ def test_only_plain_files_with_plain_names_are_listed(published) -> None:
         write_checksums(published)
 
 
+def test_files_about_to_be_rewritten_may_differ_but_be_no_links(published) -> None:
+    card = Path("README.md")
+    (published / card).write_text("of another repository")
+    assert list(checksum_problems(published, rewritten=[card])) == []
+    (published / card).unlink()
+    assert list(checksum_problems(published, rewritten=[card])) == []
+    (published / card).symlink_to("/etc/passwd")
+    assert list(checksum_problems(published, rewritten=[card])) != []
+
+
 def test_a_download_in_the_cache_of_the_hub_is_as_published(published, tmp_path) -> None:
     """There every file is a link from the snapshot to a blob; other links lead nowhere."""
     snapshot, blobs = tmp_path / "cache/snapshots/abc", tmp_path / "cache/blobs"

@@ -72,7 +72,7 @@ def test_help_lists_commands_by_section_and_group_without_importing_them(greetin
     assert "greeting_commands" not in sys.modules
     assert cli.main(["dataset"]) == 0
     found = re.findall(r"^  dataset (\w+)  ", capsys.readouterr().out, re.M)
-    assert found == ["generate", "verify"]
+    assert found == ["generate", "push", "verify"]
 
 
 def test_help_of_a_command_shows_its_text_flags_and_examples(greeting, capsys):

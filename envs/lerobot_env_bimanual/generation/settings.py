@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 import shlex
 from pathlib import Path
@@ -128,20 +127,14 @@ def repo_id_of(given: str | None, root: Path) -> str:
     """LeRobot's name of a dataset: what is given, or `local/` and the name of its folder.
 
     Raises:
-        InvalidChoice: no repository of the Hub can have the given one.
+        BimanualError: no repository of the Hub can have the given one.
     """
-    from huggingface_hub.errors import HFValidationError
-    from huggingface_hub.utils import validate_repo_id
+    from lerobot_bimanual.dataset.hub import check_repo_id
 
     if given is None:
         return f"local/{re.sub(r'[^\w.-]', '_', root.absolute().name)}"
-    with contextlib.suppress(HFValidationError):
-        validate_repo_id(given)
-        if "/" in given:
-            return given
-    raise InvalidChoice(
-        "repo_id", given, "USER/NAME or ORGANISATION/NAME, of letters, digits, '-', '_' and '.'"
-    )
+    check_repo_id(given)
+    return given
 
 
 class Origin(Record):
