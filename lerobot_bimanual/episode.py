@@ -57,7 +57,7 @@ class Demonstration:
         images: gives the images of a row, dataset key -> RGB uint8 (H, W, 3) or depth float32 (1, H, W) in
             millimetres, as the environment emits them. They are requested row by row, so that no caller renders
             rows that no view stores, and an episode never has to fit into memory with all its images.
-        further: further columns, the same in every row, such as the demonstration's plan.
+        further: further columns, the same in every row: what became of a policy's episode, or a demonstration's plan.
     """
 
     meta: EpisodeMeta

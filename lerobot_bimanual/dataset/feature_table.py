@@ -38,6 +38,9 @@ The last four are an episode's key: the environment regenerates the episode from
 columns, and not side files, because columns survive every tool that merges, splits or subsets datasets.
 """
 
+SUCCESS, FAILURE_CLASS = "success", "failure_class"
+OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"}
+"""Further columns of shape (1,) of policies' episodes: whether it was solved, and the class of its failure, "" if it was."""
 PLAN = "plan"
 PLANS: dict[str, str] = {PLAN: "int64"}
 """A further column of shape (1,) of demonstrations with several plans: which one was drawn. No policy reads it."""
@@ -61,7 +64,7 @@ def features(
         view: "frames" has joint actions and stores images as video, "keyframes" has keyposes and stores images losslessly
             in the table.
         depth: whether each camera has a depth image.
-        further: dtypes of further columns of shape (1,), such as `PLANS`.
+        further: dtypes of further columns of shape (1,): `OUTCOME`, of policies' episodes, or `PLANS`.
         calibration: the `Calibration` of all rows; None where rows hold all of it, as the environment's observations do.
     """
     dtype = "video" if view == "frames" else "image"

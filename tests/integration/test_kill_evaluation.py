@@ -93,4 +93,4 @@ def test_a_killed_evaluation_loses_at_most_what_was_running(number, asynchronous
 def test_lerobots_own_recording_is_refused_with_what_to_use_instead(tmp_path):
     words = ["lerobot-eval", f"--policy.path={TRAINED}", "--policy.device=cpu", "--env.type=bimanual"]
     said = run(*words, "--eval.recording=true", folder=tmp_path, fails=True)
-    assert "results verify --results=FOLDER" in said.splitlines()[-1]
+    assert "dataset from-results" in said.splitlines()[-1]

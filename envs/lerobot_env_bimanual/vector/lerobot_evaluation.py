@@ -36,8 +36,8 @@ def evaluation_of_program() -> Evaluation:
     config = _command_line()  # pyright: ignore[reportCallIssue]  LeRobot's parser gives it
     if config.eval.recording:
         raise BimanualError(
-            "--eval.recording=true does not store what this environment shows: leave it out; --env.results_dir=FOLDER keeps "
-            "every action, by which `lerobot-bimanual results verify --results=FOLDER` replays the episodes"
+            "--eval.recording=true does not store what this environment shows: leave it out, evaluate with "
+            "--env.results_dir=FOLDER, and make a dataset with `lerobot-bimanual dataset from-results --results=FOLDER`"
         )
     if config.policy is None or config.seed is None:
         return Evaluation()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +34,15 @@ class EpisodeVerifier:
     Args:
         task: name of the task.
         options: options of the evaluation by name.
+        seen: options of what is seen meanwhile.
+
+    Attributes:
+        env: the environment in which it replays; it may be observed.
     """
 
-    def __init__(self, task: str, options: Mapping[str, str | int]):
-        self._env = replay_env(task, options)
-        self._recorder = HoldAfterDone(EpisodeRecorder(self._env))
+    def __init__(self, task: str, options: Mapping[str, str | int], **seen: Any):
+        self.env = replay_env(task, options, **seen)
+        self._recorder = HoldAfterDone(EpisodeRecorder(self.env))
 
     def differences(self, episode: Episode) -> list[str]:
         """Differences between an episode and its replay; empty if it replays as recorded."""
@@ -46,13 +51,13 @@ class EpisodeVerifier:
             actions = recorded_actions(episode)
         except BimanualError as error:
             return [f"cannot be replayed: {error}"]
-        if self._env.state_hash() != proof_of(episode).start:
+        if self.env.state_hash() != proof_of(episode).start:
             return ["another state at the start"]
         ticks, info = [0], {}
         for action in actions:
             unreadable = InvalidAction((episode.failure or "").removeprefix(INVALID_ACTION))
             info = self._recorder.step(action if action.size else unreadable)[4]
-            ticks.append(self._env.progress.ticks)
+            ticks.append(self.env.progress.ticks)
             if self._recorder.is_done:
                 break
         if PLAYED not in info:
@@ -61,7 +66,7 @@ class EpisodeVerifier:
 
     def close(self) -> None:
         """Free the simulation."""
-        self._env.close()
+        self.env.close()
 
 
 def verify_episodes(
@@ -89,16 +94,17 @@ def _verify(task: str, options: Options, episode: Episode) -> list[str]:
     return _verifier(task, options).differences(episode)
 
 
-def replay_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
+def replay_env(task: str, options: Mapping[str, str | int], **seen: Any) -> BimanualEnv:
     """An environment in which an evaluation is replayed.
 
     Args:
         task: name of the task.
         options: options of the evaluation by name.
+        seen: options of what is seen meanwhile.
     """
     usual = EnvOptions()
     keywords = {name: type(getattr(usual, name))(options[name]) for name in REPLAY_OPTIONS if name in options}
-    return BimanualEnv(task, obs="state", **keywords)
+    return BimanualEnv(task, obs="state", **keywords, **seen)
 
 
 def expert_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:

@@ -1,0 +1,99 @@
+"""The command `dataset from-results`: a dataset of the episodes that policies have played."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from lerobot_bimanual.errors import BimanualError, DatasetError
+
+EPISODES_PER_PART = 5
+"""Enough that opening files costs little, few enough to keep all processes busy."""
+
+
+@dataclass
+class DatasetFromResultsConfig:
+    """Options of the command `dataset from-results`."""
+
+    # A file, or a folder of files: results of `policy benchmark`, or records that `lerobot-eval --env.results_dir` has left.
+    results: Path = field(kw_only=True)
+    root: Path = field(kw_only=True)  # new folder of the dataset
+    outcome: Literal["all", "solved", "failed"] = "all"  # which episodes are stored
+    # What is stored: `frames` (every tick, as video), `keyframes` (start, reached keyposes and end, lossless), or both, in
+    # root/frames and root/keyframes.
+    view: Literal["frames", "keyframes", "both"] = "both"
+    image_size: str = ""  # side in pixels, or HEIGHTxWIDTH; by default that of the first result
+    cameras: str = ""  # whose images are stored, separated by commas; by default those of the first result
+    depth: bool | None = None  # store depth beside the colours; by default in `keyframes` alone
+    repo_id: str | None = None  # LeRobot's name of the dataset; without it, local/ and the folder's name
+    workers: int = 0  # processes; 0 takes one per core
+
+
+def dataset_from_results(config: DatasetFromResultsConfig) -> None:
+    """Make a LeRobot dataset of the episodes that policies have played, by replaying them exactly.
+
+    No policy is needed: the recorded actions are played again, and every state is compared with the record. Rows are those of
+    `dataset generate`, with two more columns: `success`, and `failure_class`, as `results diagnose` names it. The keyposes
+    are those that the policy gave; of joint actions they are the poses at the keyframes that discovery finds. Episodes of
+    which no tick was played, or that replay otherwise, are left out and listed. Subtasks are not known: a policy does not
+    name what it does.
+
+    Examples:
+        lerobot-bimanual dataset from-results --results=outputs/records --root=data/played
+        lerobot-bimanual dataset from-results --results=outputs/records --outcome=solved --view=frames --root=data/solved
+    """
+    from lerobot_bimanual.dataset.checksums import write_checksums
+    from lerobot_bimanual.dataset.merging import merge_datasets
+    from lerobot_bimanual.dataset.schema import VIEWS
+    from lerobot_bimanual.files import move_durably
+    from lerobot_bimanual.results.record import result_paths
+    from lerobot_bimanual.terminal import show_next
+    from lerobot_env_bimanual.generation.build import PRELOADED
+    from lerobot_env_bimanual.generation.from_results import Replays, record_replays
+    from lerobot_env_bimanual.generation.settings import repo_id_of
+    from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors
+    from lerobot_env_bimanual.options import EnvOptions
+    from lerobot_env_bimanual.verification.result_files import ResultFile
+    from lerobot_env_bimanual.workers import WorkerPool
+
+    repo_id = repo_id_of(config.repo_id, config.root)
+    if config.root.exists():
+        raise DatasetError(f"{config.root} is there already; choose another --root or remove it")
+    results = [ResultFile.read(path) for path in result_paths(config.results)]
+    for result in results:
+        result.check_world()
+    usual = results[0].record.options
+    given = {"image_size": config.image_size, "cameras": config.cameras}
+    seen = EnvOptions.of(**{name: value or usual.get(name, value) for name, value in given.items()})
+    views = VIEWS if config.view == "both" else (config.view,)
+    perturbed = any(result.record.options.get("perturb") for result in results)
+    wanted = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
+    with plain_write_errors(config.root):
+        config.root.absolute().parent.mkdir(parents=True, exist_ok=True)
+    with plain_write_errors(config.root), new_folder(config.root.absolute().parent) as folder:
+        jobs = list[Replays]()
+        for record in (result.record for result in results):
+            episodes = [episode for episode in record.episodes if episode.success in wanted]
+            for start in range(0, len(episodes), EPISODES_PER_PART):
+                part = tuple(episodes[start : start + EPISODES_PER_PART])
+                options, place = tuple(record.options.items()), folder / f"{len(jobs):06d}"
+                how = (repo_id, views, seen.camera_names, seen.size, config.depth, perturbed)
+                jobs.append(Replays(record.task, options, part, place, *how))
+        with WorkerPool(config.workers, preload=PRELOADED) as pool:
+            left_out = [*pool.map(record_replays, jobs, "replay", "part", name=lambda job: job.task)]
+        parts = [job.folder for job in jobs if job.folder.exists()]
+        if not parts:
+            reasons = "; ".join([text for texts in left_out for text in texts][:3])
+            raise BimanualError(f"{config.results} holds no episode to store ({reasons or config.outcome})")
+        merged = folder / "merged"
+        for view in views:
+            target = merged / view if len(views) > 1 else merged
+            merge_datasets([part / view for part in parts], target)
+            write_checksums(target)
+        move_durably(merged, config.root)
+    for text in (text for texts in left_out for text in texts):
+        print(f"left out: {text}")
+    stored = sum(len(job.episodes) for job in jobs) - sum(map(len, left_out))
+    print(f"{config.root}: {stored} episodes")
+    show_next("lerobot-bimanual", "dataset", "verify", f"--root={config.root}")

@@ -1,0 +1,127 @@
+"""Makes datasets of the episodes that policies have played: each is replayed exactly, and its rows are noted on the way."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.dataset import feature_table, schema
+from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.episode import Demonstration
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm, discover_keyframes
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
+from lerobot_bimanual.results.episode import Episode
+from lerobot_env_bimanual.experts.recorder import Tape
+from lerobot_env_bimanual.failures.attribution import FailureAttributor
+from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors
+from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, recorded_actions
+
+type Options = tuple[tuple[str, str | int], ...]
+
+
+@dataclass(frozen=True)
+class Replays:
+    """Episodes of one evaluation that become a part of a dataset.
+
+    Attributes:
+        task: name of the task.
+        options: options of the evaluation by name.
+        episodes: the episodes.
+        folder: new folder of the part, with one dataset per view.
+        repo_id: LeRobot's name of the dataset.
+        views: which rows are stored.
+        cameras: whose images are stored.
+        size: height and width of the images in pixels.
+        depth: whether depth images are stored; None for `keyframes` alone.
+        perturbed: whether any episode of the dataset is of a perturbed world, so that every row holds its calibration.
+    """
+
+    task: str
+    options: Options
+    episodes: tuple[Episode, ...]
+    folder: Path
+    repo_id: str
+    views: tuple[View, ...]
+    cameras: tuple[str, ...]
+    size: tuple[int, int]
+    depth: bool | None
+    perturbed: bool
+
+
+def record_replays(job: Replays) -> list[str]:
+    """Replay episodes and write their rows.
+
+    Returns:
+        Why episodes were left out, one sentence each; the folder is made unless all were.
+
+    Raises:
+        DatasetError: the rows cannot be written.
+    """
+    from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
+
+    verifier, attributor = _players(job.task, job.options, job.cameras, job.size)
+    env, left_out = verifier.env, list[str]()
+    with plain_write_errors(job.folder), new_folder(job.folder.parent) as folder:
+        with ExitStack() as stack:
+            writers: list[ViewWriter] = []
+            for episode in job.episodes:
+                tape = Tape(env, lambda: env.progress.keyposes)
+                with env.observed_by(tape.note):
+                    problems = verifier.differences(episode)
+                if not problems and not episode.ticks:
+                    problems = [f"no tick was played ({episode.failure})"]
+                if problems:
+                    left_out.append(f"{job.task}, seed {episode.seed}: {problems[0]}")
+                    continue
+                actions = [each for each in recorded_actions(episode) if each.size == KEYPOSE_DIM]
+                played = tape.demonstration(np.array(actions))
+                played = played if actions else _with_reached_keyposes(played)
+                reason = "" if episode.success else str(attributor.attribute(episode).failure_class)
+                outcome = {
+                    feature_table.SUCCESS: np.array([episode.success]),
+                    feature_table.FAILURE_CLASS: reason,
+                }
+                calibration = None if job.perturbed else Calibration.of_observation(played.final_observation)
+                for view in () if writers else job.views:
+                    how = {
+                        "depth": job.depth,
+                        "further": feature_table.OUTCOME,
+                        "calibration": calibration,
+                    }
+                    writer = ViewWriter(folder / view, job.repo_id, view, job.cameras, *job.size, **how)
+                    writers.append(stack.enter_context(writer))
+                write_episode(replace(played, further=outcome), writers)
+        if writers:
+            folder.rename(job.folder)
+    return left_out
+
+
+@lru_cache(maxsize=1)
+def _players(
+    task: str, options: Options, cameras: tuple[str, ...], size: tuple[int, int]
+) -> tuple[EpisodeVerifier, FailureAttributor]:
+    """What replays episodes and says why they failed; kept for the next part."""
+    from lerobot_env_bimanual.generation.shard import quieten_libraries
+
+    quieten_libraries()
+    verifier = EpisodeVerifier(task, dict(options), cameras=cameras, image_size=size)
+    return verifier, FailureAttributor(task, dict(options))
+
+
+def _with_reached_keyposes(episode: Demonstration) -> Demonstration:
+    """An episode of joint actions with the poses at its keyframes as keyposes, as PerAct labels demonstrations."""
+    actions = np.array([step.action for step in episode.steps]).reshape(-1, JOINT_ACTION_DIM)
+    ends = discover_keyframes(actions) or [len(actions) - 1]
+    poses = np.array([episode.steps[end].observation[schema.EE_POSE] for end in ends])
+    is_open = by_arm(actions)[np.maximum(np.array(ends) - 1, 0), :, -1:] > 0.5
+    free = np.ones_like(is_open)
+    keyposes = np.concatenate([poses.reshape(-1, len(ARMS), 7), is_open, free], axis=-1)
+    stages = np.searchsorted(ends[:-1], np.arange(len(actions)), side="right").tolist()
+    steps = tuple(replace(step, stage=stage) for step, stage in zip(episode.steps, stages, strict=True))
+    return replace(episode, steps=steps, keyposes=keyposes.reshape(-1, KEYPOSE_DIM).astype(np.float32))
