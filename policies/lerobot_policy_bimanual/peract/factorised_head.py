@@ -230,7 +230,9 @@ class FactorisedTranslationHead(nn.Module):
             torch.stack([head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1)
         )
         planes = stem.planes
-        along_lines = [cast(VoxelInPatch, head).along_lines(planes) for head in self.voxel_logits]
+        if not stem.along_lines:  # joint decoding scores twice
+            stem.along_lines = [cast(VoxelInPatch, head).along_lines(planes) for head in self.voxel_logits]
+        along_lines = stem.along_lines
         if self.patch_lines:
             logits = [_patch_logits(*pair) for pair in zip(self.patch_lines, along_lines, strict=True)]
             patch_logits = patch_logits + at_least_float32(torch.stack(logits, dim=1))

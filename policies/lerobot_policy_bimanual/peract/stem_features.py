@@ -31,6 +31,7 @@ class StemFeatures:
     Attributes:
         tokens: (b, p^3, outputs of `patchify`), the last axis of the grid fastest.
         planes: maxima (b, channels, v, v) of the stem along x, y and z.
+        along_lines: the head's features of the planes, per arm; empty before its first pass.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class StemFeatures:
             tokens, *planes = _read(self._rows, *layers)
         self.tokens = F.leaky_relu(tokens, LEAK)
         self.planes = [plane.permute(0, 3, 1, 2) for plane in planes]
+        self.along_lines: list[list[Tensor]] = []
 
     def crop(self, place: Tensor) -> Tensor:
         """Patches and one voxel around them, zero beyond the grid.

@@ -119,7 +119,7 @@ class ResidentDataset(Dataset):
         first, last = self._first[rows, None], self._last[rows, None]
         for key, column in self._columns.items():
             if (offsets := self._offsets.get(key)) is None:
-                yield key, self._unpacked(key, column[rows])
+                yield key, self._unpacked(key, column.index_select(0, rows))
                 continue
             wanted = rows[:, None] + offsets
             yield f"{key}_is_pad", (wanted < first) | (wanted > last)
