@@ -174,10 +174,8 @@ def test_act_learns_the_actions_of_either_view_by_lerobot_alone(room, view, flag
 
 def test_lerobots_diffusion_is_trained_by_its_recipe_and_evaluated(room):
     recipe = POLICIES / "lerobot_policy_bimanual/diffusion/recipes/small.yaml"
-    flags = (f"--config_path={recipe}", TINY_ACT[-1], "--policy.down_dims=[32,64]")
-    train(
-        *flags, folder=room, data="data/frames", steps=1, output="diffusion", command="lerobot-bimanual-train"
-    )
+    flags = (f"--config_path={recipe}", TINY_ACT[-1], "--policy.down_dims=[32]")
+    train(*flags, folder=room, data=KEYFRAMES, steps=1, output="diffusion", command="lerobot-bimanual-train")
     assert evaluate("diffusion", room, "--env.obs=rgb")["n_episodes"] == 1
 
 

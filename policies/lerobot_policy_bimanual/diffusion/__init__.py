@@ -1,1 +1,1 @@
-"""Recipes for LeRobot's Diffusion Policy, which predicts joint actions from RGB; the policy itself is LeRobot's."""
+"""Recipes for LeRobot's Diffusion Policy: of keyposes (`small`) and of joint actions (`paper`), both from RGB."""
