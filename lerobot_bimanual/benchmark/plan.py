@@ -189,6 +189,7 @@ class Plan:
             "env.image_size": settings.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
             "env.obs": None if self.recipe.depth else "rgb",
+            "env.control_mode": self.recipe.control_mode,
             "env.results_dir": str(folder),
             "env.video_dir": self.video_dir and str(self.video_dir),
             "eval.n_episodes": len(seeds),

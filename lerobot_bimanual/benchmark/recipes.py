@@ -121,6 +121,11 @@ class Recipe:
         named = bool(inputs & {schema.depth_key(name) for name in CAMERA_NAMES})
         return named if inputs else self.view == "keyframes"
 
+    @property
+    def control_mode(self) -> str:
+        """`keypose` for LeRobot's policies of keyposes, which take the environment's action for theirs; else empty."""
+        return "keypose" if self.view == "keyframes" and not self.depth else ""
+
     def options(self, image_size: int) -> dict[str, Any]:
         """The recipe as options of `lerobot-train` by name, for images of that many pixels a side."""
         options: dict[str, Any] = {}
