@@ -1,6 +1,7 @@
 """What MkDocs asks for while it builds the site: pages that are generated, and files of the repository that pages name.
 
-The home page is README.md. A link to what the site does not have becomes its text.
+The home page is README.md. A link to what the site does not have leads into the repository, or becomes its text where that has
+no address yet.
 
 As a program it films the experts for the pages of the tasks, where that has not been done in their present world.
 """
@@ -72,7 +73,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         if not (ROOT / target).exists():
             return link[0]
         if not target.startswith("docs/") and target not in uris:
-            return text
+            return f"[{text}]({config.repo_url}/blob/HEAD/{target})" if config.repo_url else text
         there = uris.get(target, target.removeprefix("docs/"))
         return f"[{text}]({posixpath.relpath(there, posixpath.dirname(uri) or '.')}{place})"
 

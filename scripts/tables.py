@@ -52,7 +52,7 @@ def _results() -> str:
     tasks, columns = sorted({*table.task}), {}
     for protocol, lines in table.groupby("protocol", observed=True):
         scored = {name: lines[lines.policy == policy] for policy, name in COLUMNS.items()}
-        once = lines.drop_duplicates("task").dropna(subset="open_loop")
+        once = lines[lines.policy.isin(COLUMNS)].drop_duplicates("task").dropna(subset="open_loop")
         scored["open loop"] = once.assign(rate=once.open_loop)
         for name, own in scored.items():
             if len(own):

@@ -106,6 +106,8 @@ def _sentence(error: ValidationError, name: str) -> str:
     place = plain(".".join(map(str, first["loc"])) or name)
     got = shown(first["input"])
     problem = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "json_invalid":
+        return f"should hold a record in JSON: {problem}"
     if first["type"] == "missing":
         problem = "is missing"
     elif first["loc"]:  # of a whole record the value says too much

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import nbformat
 import pytest
-import yaml
 from nbclient import NotebookClient
 from programs import run
 
@@ -45,20 +44,6 @@ def test_make_watch_shows_a_policy_that_solves_its_task(tmp_path):
 def test_an_example_in_python_prints_what_it_shows(words, printed, tmp_path):
     script, *flags = words.split()
     assert printed in run(sys.executable, str(EXAMPLES / script), *flags, folder=tmp_path)
-
-
-def test_a_policy_is_trained_by_the_recipe_and_evaluated_beside_the_baselines(tmp_path):
-    """The other two shell scripts differ in flags, which test_documented_commands.py parses."""
-    recipe = EXAMPLES.parent / "policies/lerobot_policy_bimanual/peract2/recipes/small.yaml"
-    few = {"EPISODES": "1", "OUT": "out"}
-    run(str(EXAMPLES / "03_train.sh"), folder=tmp_path, RECIPE=str(recipe), STEPS="2", **few)
-    checkpoint = tmp_path / "out/peract2/checkpoints/last/pretrained_model"
-    config = json.loads((checkpoint / "config.json").read_text())
-    policy = yaml.safe_load(recipe.read_text())["policy"]
-    assert {name: config[name] for name in policy} == policy
-    run(str(EXAMPLES / "04_evaluate.sh"), folder=tmp_path, POLICY=str(checkpoint), SEED="1001", **few)
-    assert evaluation(tmp_path / "out/eval")["overall"]["n_episodes"] == 1
-    assert (tmp_path / "out/expert.json").is_file()
 
 
 def test_a_task_and_a_policy_of_ones_own_pass_their_tests_and_are_trained_and_scored(tmp_path):
