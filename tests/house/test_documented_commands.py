@@ -36,7 +36,7 @@ FURTHER = {
     "expert evaluate": ("--episodes=1", "--open_loop_episodes=1", "--workers=1"),
     "policy benchmark": ("--dry_run",),
     "policy robustness": ("--axes=mass", "--levels=1", "--episodes=1"),
-    **dict.fromkeys(("results verify", "results diagnose"), ("--sample=1",)),
+    **dict.fromkeys(("results verify", "results diagnose"), ("--sample=1", "--workers=1")),
 }
 """Flags that are added unless they are given, by program or command."""
 ELSEWHERE = {
