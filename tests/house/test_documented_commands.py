@@ -119,7 +119,9 @@ def test_the_commands_and_programs_of_every_page_run(tmp_path: Path) -> None:
     for place, source in ROOM.items():
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).symlink_to(ROOT / source)
-    first = [ROOT / "README.md", ROOT / "docs/failures.md"]  # which leave what others read
+    first = [
+        ROOT / f"{name}.md" for name in ("README", "docs/training", "docs/failures")
+    ]  # leave what others read
     pages = dict.fromkeys([*first, *DOCUMENTS, *sorted(ROOT.glob("examples/*.sh"))])
     for words in dict.fromkeys(tuple(small(words)) for words in commands(*pages)):
         if re.match("|".join(ELSEWHERE), " ".join(words)):

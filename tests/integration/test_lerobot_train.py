@@ -176,7 +176,7 @@ def test_lerobots_diffusion_is_trained_by_its_recipe_and_evaluated(room):
     recipe = POLICIES / "lerobot_policy_bimanual/diffusion/recipes/small.yaml"
     flags = (f"--config_path={recipe}", TINY_ACT[-1], "--policy.down_dims=[32]")
     train(*flags, folder=room, data=KEYFRAMES, steps=1, output="diffusion", command="lerobot-bimanual-train")
-    assert evaluate("diffusion", room, "--env.obs=rgb")["n_episodes"] == 1
+    assert evaluate("diffusion", room, "--env.obs=rgb", "--env.control_mode=keypose")["n_episodes"] == 1
 
 
 @pytest.mark.parametrize("in_a_file", [False, True])
