@@ -44,7 +44,7 @@ ELSEWHERE = {
     "pip |.*pre-commit|hf |.*dataset push|.*smolvla": "need the network",
     "ray |RAY|torchrun|lerobot-train --policy.type=peract2": "need machines or a GPU; test_generate_ray.py has two machines",
     ".*(raise_block|my_task)": "need a task of one's own, of which test_examples.py has the same",
-    "lerobot-(replay|rollout)|python -m lerobot": "robots/test_programs.py plays the same",
+    "lerobot-(replay|rollout)|python -m lerobot|.*local/demonstrations": "robots/test_programs.py plays the same",
     "cd |PYTHONPATH": "test_vla_eval.py runs the harness",
     ".*(lerobot-bimanual results compare|rvt_lf_small|results/robustness)|.*tables.py": "need results of hours, or write here",
 }
