@@ -50,10 +50,8 @@ def _groups(controller: str) -> Iterator[Path]:
     for line in PROCESS.read_text().splitlines() if PROCESS.is_file() else ():
         _, controllers, path = line.split(":", 2)
         if not controllers or controller in controllers.split(","):
-            below = Path(path.lstrip("/"))
-            yield from (
-                GROUPS / (controller if controllers else "") / part for part in (below, *below.parents)
-            )
+            below, top = Path(path.lstrip("/")), GROUPS / (controller if controllers else "")
+            yield from (top / part for part in (below, *below.parents))
 
 
 def _words(folder: Path, *names: str) -> list[str]:

@@ -26,9 +26,7 @@ CARD_FILE = Path("README.md")
 LICENSE = "apache-2.0"
 TAGS = ("LeRobot", "bimanual", "mujoco", "simulation", "rgbd", "depth", "keyframe", "keypose")
 
-MEANINGS = tomllib.loads(
-    Path(__file__).with_name("templates").joinpath("columns.toml").read_text(encoding="utf-8")
-)
+MEANINGS = tomllib.loads((Path(__file__).parent / "templates/columns.toml").read_text(encoding="utf-8"))
 """Each column in words; that of an action by view."""
 
 

@@ -24,9 +24,8 @@ def view_of(features: Features) -> View:
 
 def column_types(features: Features) -> dict[str, pa.DataType]:
     """Arrow type of every column of the schema that is no image; LeRobot stores a vector of one number as a scalar."""
-    scalars = feature_table.SCALARS | {
-        key: kind for key, kind in feature_table.PLANS.items() if key in features
-    }
+    plans = {key: kind for key, kind in feature_table.PLANS.items() if key in features}
+    scalars = feature_table.SCALARS | plans
     types = {key: pa.type_for_alias(dtype) for key, dtype in scalars.items()}
     for key in (key for key in (*schema.VECTORS, schema.WRIST_EXTRINSICS, schema.ACTION) if key in features):
         (size,) = features[key]["shape"]
@@ -45,9 +44,8 @@ def check_features(features: Features, root: Path) -> None:
         calibration = Calibration.of_features(features)
     except DatasetError as error:
         raise DatasetError(f"{root}: {error}") from None
-    expected = json.loads(
-        json.dumps(feature_table.features((), 0, 0, view_of(features), calibration=calibration))
-    )
+    ours = feature_table.features((), 0, 0, view_of(features), calibration=calibration)
+    expected = json.loads(json.dumps(ours))
     differences = [f"{key} is missing" for key in expected if key not in features]
     for key in (key for key in expected if key in features):
         for aspect in ("dtype", "shape", "names"):

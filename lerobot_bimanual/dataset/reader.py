@@ -82,9 +82,8 @@ class RecordedDataset:
         check_features(self.info["features"], self.root)
         images = {k: f for k, f in self.info["features"].items() if f["dtype"] in IMAGE_TYPES}
         self.view: View = view_of(self.info["features"])
-        self.cameras = tuple(
-            key.removeprefix(schema.IMAGE_PREFIX) for key, f in images.items() if not is_depth(f)
-        )
+        colours = [key for key, feature in images.items() if not is_depth(feature)]
+        self.cameras = tuple(key.removeprefix(schema.IMAGE_PREFIX) for key in colours)
         self.calibration = Calibration.of_features(self.info["features"])
         self.provenance = Provenance.of_dataset(self.root)
         columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index"]

@@ -128,9 +128,8 @@ def board_table(table: Any) -> pd.DataFrame:
     """
     once = table.drop_duplicates(["protocol", "task"])
     baselines = [once.assign(policy=name, rate=once[name]) for name in BASELINES]
-    agents: Any = pd.concat([table.assign(policy=table.policy.map("`{}`".format)), *baselines]).dropna(
-        subset="rate"
-    )
+    policies = table.assign(policy=table.policy.map("`{}`".format))
+    agents: Any = pd.concat([policies, *baselines]).dropna(subset="rate")
     tasks, board = once.groupby("protocol", observed=True).size(), {}
     for (protocol, agent), lines in agents.groupby(["protocol", "policy"], observed=True):
         mean, low, high = mean_rate(lines.task, lines.rate)
@@ -158,9 +157,8 @@ def success_table(table: Any) -> pd.DataFrame:
 
 def survival_table(results: Iterable[Scored]) -> pd.DataFrame | None:
     """How many test episodes real arms would have gone through; None where no result says it."""
-    rows = [
-        _place(each) | {"of": rate} for each in results if (rate := survival_rate(each.episodes)) is not None
-    ]
+    rates = ((each, survival_rate(each.episodes)) for each in results)
+    rows = [_place(each) | {"of": rate} for each, rate in rates if rate is not None]
     if not rows:
         return None
     table: Any = pd.DataFrame(rows)

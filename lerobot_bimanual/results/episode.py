@@ -107,9 +107,8 @@ class Episode(Record):
 
 def _ascending(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:
     seeds = [episode.seed for episode in episodes]
-    require(
-        seeds and seeds == sorted(set(seeds)), "episodes must be non-empty with strictly increasing seeds"
-    )
+    is_rising = seeds and seeds == sorted(set(seeds))
+    require(is_rising, "episodes must be non-empty with strictly increasing seeds")
     return episodes
 
 

@@ -83,9 +83,8 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     from lerobot_env_bimanual.generation.settings import GenerationSettings, repo_id_of
 
     check_range("workers", config.workers, 0)
-    options = EnvOptions(
-        cameras=",".join(config.cameras), image_size=config.image_size, perturb=config.perturb
-    )
+    cameras = ",".join(config.cameras)
+    options = EnvOptions(cameras=cameras, image_size=config.image_size, perturb=config.perturb)
     # Options that are settings of the same name are taken as they are, but for those that follow.
     given = {name: value for name, value in vars(config).items() if name in GenerationSettings.model_fields}
     by_default = None if config.view == "both" else config.view == "keyframes"
@@ -128,9 +127,7 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
             with executor as record:
                 reports = build_dataset(staging, record)
         except KeyboardInterrupt:
-            print(
-                f"\nfinished shards are kept in {staging.folder}; the same command goes on", file=sys.stderr
-            )
+            print(f"\nfinished shards stay in {staging.folder}; the same command goes on", file=sys.stderr)
             raise
     skipped = [seed for report in reports for seed in report.skipped]
     minutes = (time.monotonic() - start_s) / 60

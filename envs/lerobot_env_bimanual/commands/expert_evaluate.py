@@ -215,9 +215,8 @@ def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
         )
         report = sweep_expert(conditions, measured, config.output / f"{task}.json", config.workers)
         invalid = [each for each in report.conditions if not is_valid(report.rates(each)["expert"])]
-        print(
-            f"{task}: {len(report.conditions) - len(invalid)} of {len(report.conditions)} conditions are valid"
-        )
+        count = len(report.conditions)
+        print(f"{task}: {count - len(invalid)} of {count} conditions are valid")
         for condition in invalid:
             print(f"  not valid: {condition.name}, expert {report.rates(condition)['expert']}")
     show_next(

@@ -102,9 +102,8 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     if choices:
         _print_agreement(choices)
     if config.output is not None:
-        write_file(
-            config.output, json.dumps({"failures": failures, "first_choices": choices}, indent=1) + "\n"
-        )
+        found = {"failures": failures, "first_choices": choices}
+        write_file(config.output, json.dumps(found, indent=1) + "\n")
     show_next("lerobot-bimanual", "results", "report", f"--results={config.results}")
     return 0
 
@@ -130,10 +129,8 @@ def _counts(groups: Mapping[str, Sequence[Attribution]], kind: str) -> pd.DataFr
     classes: Any = type(kinds[0]) if kinds else ()
     order = [each for each in classes if each in kinds]
     table = pd.crosstab(pd.Series(names, dtype=str), pd.Series(kinds, dtype=str))
-    table = table.reindex(index=[*groups], columns=order, fill_value=0).assign(
-        failed=lambda table: table.sum(axis=1)
-    )
-    return table.rename_axis("result")
+    table = table.reindex(index=[*groups], columns=order, fill_value=0)
+    return table.assign(failed=table.sum(axis=1)).rename_axis("result")
 
 
 def _print_agreement(choices: Sequence[Mapping[str, Any]]) -> None:

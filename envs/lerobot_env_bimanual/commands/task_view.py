@@ -55,9 +55,8 @@ def task_view(config: TaskViewConfig) -> None:
     os.environ.setdefault("MUJOCO_GL", "egl")  # a display may be there that does not open
     check_output_folder(config.output)
     _play(config)
-    show_next(
-        "lerobot-bimanual", "dataset", "generate", f"--task={config.task}", f"--root=data/{config.task}"
-    )
+    task = config.task
+    show_next("lerobot-bimanual", "dataset", "generate", f"--task={task}", f"--root=data/{task}")
 
 
 def _play(config: TaskViewConfig) -> None:

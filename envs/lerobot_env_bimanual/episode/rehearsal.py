@@ -181,11 +181,10 @@ class _ScriptRun:
                 return f"{arm} arm cannot follow its line"
             paths[arm] = line
         self._checker.look()
+        rules = self._checker.contact_rules
         for share in CHECKED_SHARES:
             both = self._joints | {arm: path[round(share * (len(path) - 1))] for arm, path in paths.items()}
-            if obstacle := self._checker.obstacle(
-                self._checker.contact_rules, both[Arm.LEFT], both[Arm.RIGHT]
-            ):
+            if obstacle := self._checker.obstacle(rules, both[Arm.LEFT], both[Arm.RIGHT]):
                 return f"collision of {obstacle} on the way"
         return {arm: path[-1] for arm, path in paths.items()}
 

@@ -57,9 +57,7 @@ class Tape:
         """
         env, states = self._env, [*self._states, self._env.scene.save_state()]
         hashes_after = map(schema.state_hash_column, [*self._hashes[1:], env.state_hash()])
-        steps = tuple(
-            Step(*tick, state_hash) for tick, state_hash in zip(self._ticks, hashes_after, strict=True)
-        )
+        steps = tuple(Step(*tick, after) for tick, after in zip(self._ticks, hashes_after, strict=True))
 
         def images(row: int) -> dict[str, NDArray]:
             env.scene.restore_state(states[row])

@@ -240,12 +240,14 @@ def play_expert(task: str, seed: int = 0, **options: Any) -> Iterator[Frame]:
     """
     env = BimanualEnv(task, **options)
     frames: list[Frame] = []
+
+    def note(env: BimanualEnv, action: NDArray[np.float32]) -> None:
+        frames.append(Frame(env.observe(), action, env.last_action))
+
     try:
         env.reset(seed=seed)
         for move in expert_of(env)(env):
-            with env.observed_by(
-                lambda env, action: frames.append(Frame(env.observe(), action, env.last_action))
-            ):
+            with env.observed_by(note):
                 _, _, terminated, truncated, _ = env.step(move.action)
             yield from frames
             frames.clear()

@@ -77,9 +77,8 @@ def world_version(task: str, perturb: str = "", setting: str = STANDARD) -> str:
     env = BimanualEnv(task, split=PROBE_SPLIT, obs="state", perturb=perturb, setting=setting)
     digest = hashlib.sha256()
     perturbed = (f"{axis} {magnitude}" for axis, magnitude in env.perturbations.magnitudes.items())
-    of_sets = (
-        fact for seed in _probe_seeds(env) for fact in (*_episode_facts(env, seed), *_model_facts(env))
-    )
+    seeds = _probe_seeds(env)
+    of_sets = (fact for seed in seeds for fact in (*_episode_facts(env, seed), *_model_facts(env)))
     for fact in (*_task_facts(env.task_definition), *of_sets, *perturbed):
         digest.update(fact.encode() + b"\n")
     env.close()

@@ -209,11 +209,10 @@ def attribute_failures(
     """
     attribute = functools.partial(_attribute, record.task, tuple(record.options.items()))
     label = f"{record.task}: failure attribution"
-    return [
-        *pool.map(
-            attribute, episodes, label, "episode", name=lambda episode: f"{record.task}, seed {episode.seed}"
-        )
-    ]
+    found = pool.map(
+        attribute, episodes, label, "episode", name=lambda each: f"{record.task}, seed {each.seed}"
+    )
+    return [*found]
 
 
 @functools.lru_cache(maxsize=1)

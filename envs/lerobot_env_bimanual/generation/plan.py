@@ -93,9 +93,8 @@ def _candidates(
             EpisodeKey(task=task, variation=variation, split=settings.split, seed=seed)
             for seed in count(settings.first_seed + place, len(variations))
         )
-        yield from islice(
-            (key for key in keys if _kind(settings, key) == kind), tried[kind], tried[kind] + missing
-        )
+        alike = (key for key in keys if _kind(settings, key) == kind)
+        yield from islice(alike, tried[kind], tried[kind] + missing)
 
 
 def _kind(settings: GenerationSettings, key: EpisodeKey | SkippedSeed) -> tuple[str, int, int]:

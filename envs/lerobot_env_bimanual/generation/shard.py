@@ -60,9 +60,8 @@ def record_shard(job: Job) -> int:
                     continue
                 episodes.append(candidate)
                 # Perturbed cameras stand elsewhere in every episode.
-                calibration = (
-                    None if settings.perturb else Calibration.of_observation(episode.final_observation)
-                )
+                last = episode.final_observation
+                calibration = None if settings.perturb else Calibration.of_observation(last)
                 for view in () if writers else settings.views:  # a dataset without episodes is none
                     writer = ViewWriter(
                         folder / view,

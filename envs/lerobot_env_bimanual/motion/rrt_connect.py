@@ -136,9 +136,8 @@ def _shortened(path: Array, is_free: IsFree, rng: np.random.Generator) -> Array:
         first, last = np.searchsorted(length, cuts, side="right") - 1
         if first == last:
             continue
-        share = ((cuts - length[[first, last]]) / (length[[first + 1, last + 1]] - length[[first, last]]))[
-            :, None
-        ]
+        before, after = length[[first, last]], length[[first + 1, last + 1]]
+        share = ((cuts - before) / (after - before))[:, None]
         ends = (1.0 - share) * path[[first, last]] + share * path[[first + 1, last + 1]]
         if edge_is_free(ends[0], ends[1], is_free):
             path = np.concatenate([path[: first + 1], ends, path[last + 1 :]])

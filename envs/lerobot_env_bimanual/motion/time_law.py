@@ -101,9 +101,8 @@ def is_beside_heavy(scene: SceneView, arm: Arm) -> bool:
     heavy = [body for body in np.flatnonzero(model.body_subtreemass >= HEAVY_KG) if is_free(model, body)]
     if not heavy:
         return False
-    hand = [
-        model.body(name).id for name in (scene.arm_pair.hand_body(arm), *scene.arm_pair.finger_names(arm))
-    ]
+    parts = (scene.arm_pair.hand_body(arm), *scene.arm_pair.finger_names(arm))
+    hand = [model.body(name).id for name in parts]
     touchable = (model.geom_contype | model.geom_conaffinity) != 0
     of_hand, of_heavy = (
         np.flatnonzero(np.isin(model.geom_bodyid, bodies) & touchable).tolist() for bodies in (hand, heavy)

@@ -92,9 +92,8 @@ class Perturbations:
         for axis in self._magnitudes:
             if axis.see:
                 for camera in images:
-                    moment = self._moment(
-                        axis, "see", scene, progress, scene.ticks, CAMERA_NAMES.index(camera)
-                    )
+                    when = scene.ticks, CAMERA_NAMES.index(camera)
+                    moment = self._moment(axis, "see", scene, progress, *when)
                     handed_out[camera] = axis.see(moment, camera, handed_out[camera])
         return handed_out
 

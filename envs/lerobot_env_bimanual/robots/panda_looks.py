@@ -83,9 +83,8 @@ def _shell(
 
 
 _ROWS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-LOOKS: Mapping[str, tuple[Shell, ...]] = {
-    body: tuple(_shell(**row) for row in rows) for body, rows in _ROWS.items()
-}
+type Shells = tuple[Shell, ...]
+LOOKS: Mapping[str, Shells] = {body: tuple(_shell(**row) for row in rows) for body, rows in _ROWS.items()}
 """Shells by body: `base`, `link1` to `link7`, `hand` and `finger`."""
 
 

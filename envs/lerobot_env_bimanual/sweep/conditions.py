@@ -65,9 +65,7 @@ class Conditions:
     def records(self) -> dict[str, AxisRecord]:
         """The axes as results keep them, by name."""
         return {
-            axis.name: AxisRecord(
-                name=axis.name, group=str(axis.group), unit=axis.unit, magnitudes=axis.levels
-            )
+            axis.name: AxisRecord(name=axis.name, group=axis.group, unit=axis.unit, magnitudes=axis.levels)
             for axis in self.axes
         }
 
@@ -130,9 +128,8 @@ def solved_seeds(
     fixed = task.variation_index(template.variation)
     specs: dict[tuple[ConditionKey, int], EpisodeSpec] = {}
     for key, seed in product(conditions, seeds):
-        spec = replace(
-            template, seed=seed, player=expert_under(filter(None, key[:1])), perturb=perturb_text(*key)
-        )
+        expert = expert_under(filter(None, key[:1]))
+        spec = replace(template, seed=seed, player=expert, perturb=perturb_text(*key))
         if player == "open_loop":
             drawn = draw_episode(task, template.split, seed, fixed).variation.index
             spec = replace(spec, player=player, mean_keyposes=evaluator.mean_keyposes(task.name, str(drawn)))

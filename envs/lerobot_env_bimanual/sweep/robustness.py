@@ -74,9 +74,8 @@ class PolicySweep:
     @cached_property
     def config(self) -> RobustnessConfig:
         """What is measured."""
-        options = {
-            name: str(getattr(self.env_config, name)) for name in RECORDED_OPTIONS if name != "perturb"
-        }
+        env = self.env_config
+        options = {name: str(getattr(env, name)) for name in RECORDED_OPTIONS if name != "perturb"}
         return RobustnessConfig(
             task=self.task,
             policy=self.checkpoint.policy,

@@ -313,9 +313,8 @@ def _episode(info: Mapping[str, Any], index: int) -> Episode:
     """The episode that an environment without a recorder has ended."""
     success = bool(info["is_success"][index])
     failure = None if success else str(info["failure"][index] or OUT_OF_TIME)
-    return Episode(
-        seed=int(info["seed"][index]), success=success, failure=failure, ticks=int(info["ticks"][index])
-    )
+    seed, ticks = (int(info[name][index]) for name in ("seed", "ticks"))
+    return Episode(seed=seed, success=success, failure=failure, ticks=ticks)
 
 
 def _reason(episode: Episode) -> str:

@@ -59,9 +59,8 @@ class _LeRobotKeys(gym.ObservationWrapper):
         super().__init__(env)
         found: Any = env.observation_space
         space: dict[str, Any] = {**found}
-        colours = {
-            camera: np.empty(box.shape, np.uint8) for camera, box in dict(space.pop(PIXELS, {})).items()
-        }
+        pixels = dict(space.pop(PIXELS, {}))
+        colours = {camera: np.empty(box.shape, np.uint8) for camera, box in pixels.items()}
         rows = dataset_row({PIXELS: colours})
         images: dict[str, Any] = {key: spaces.Box(0, 1, row.shape, np.float32) for key, row in rows.items()}
         self.observation_space = spaces.Dict(images | dataset_row(space))

@@ -215,9 +215,8 @@ class LazyVectorEnv(VectorEnv):
         is_reset = np.asarray(chosen.get("reset_mask", np.ones(self.num_envs)))
         observations, info = self._ask(lambda envs: envs.reset(seed=seeds, options=options))
         begun = {index: seeds[index] for index in np.flatnonzero(is_reset).tolist()}
-        self._settled = {i: e for i, e in self._settled.items() if i not in begun} | self._episodes.begin(
-            begun
-        )
+        kept = {index: episode for index, episode in self._settled.items() if index not in begun}
+        self._settled = kept | self._episodes.begin(begun)
         return observations, info
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:

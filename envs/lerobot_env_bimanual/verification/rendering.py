@@ -108,10 +108,7 @@ def _unlike(frame: NDArray[np.uint8], new: NDArray[np.uint8]) -> str:
     height, width = (side // BLOCK * BLOCK for side in error.shape[:2])
     tall = np.square(error).mean(axis=-1)
     borders = (tall[:height, :width], tall[-height:, -width:])  # which together reach every edge
-    blocks = [
-        each.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK).mean(axis=(1, 3)) for each in borders
-    ]
-    worst = max(float(each.max(initial=0.0)) for each in blocks)
-    return (
-        f"a block of {BLOCK} pixels is off by {worst**0.5:.0f} grey levels" if worst > MAX_BLOCK_ERROR else ""
-    )
+    shape = (height // BLOCK, BLOCK, width // BLOCK, BLOCK)
+    worst = max(float(each.reshape(shape).mean(axis=(1, 3)).max(initial=0.0)) for each in borders)
+    text = f"a block of {BLOCK} pixels is off by {worst**0.5:.0f} grey levels"
+    return text if worst > MAX_BLOCK_ERROR else ""

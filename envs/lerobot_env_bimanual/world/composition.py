@@ -125,9 +125,8 @@ class Composition:
         seen = in_view(self._model, self._data, camera, self._offscreen.aspect, self._offscreen.margin)
         self._list(self._others, seen & ~self._drawn_last, self._options)
         with self._shown(seen & self._drawn_last):
-            mujoco.mjv_addGeoms(
-                self._model, self._data, self._no_sites, mujoco.MjvPerturb(), ALL, self._others
-            )
+            unmoved = mujoco.MjvPerturb()
+            mujoco.mjv_addGeoms(self._model, self._data, self._no_sites, unmoved, ALL, self._others)
 
     @contextlib.contextmanager
     def _shown(self, geoms: Geoms) -> Iterator[None]:

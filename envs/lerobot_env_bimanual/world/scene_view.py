@@ -169,15 +169,13 @@ class SceneView:
 
     def held(self, arm: Arm, body: str) -> bool:
         """Whether a hand grips a body: both fingers touch it, it keeps them apart, and their motor presses them on it."""
-        return self.grips(arm) and all(
-            self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm)
-        )
+        fingers = self.arm_pair.finger_names(arm)
+        return self.grips(arm) and all(self.contacts(finger, body) for finger in fingers)
 
     def grips(self, arm: Arm) -> bool:
         """Whether a hand's motor closes the fingers, and something keeps them apart."""
-        return (
-            bool(self.finger_positions(arm).min() > MIN_GRIPPED_M / 2) and self.squeeze_n(arm) > MIN_SQUEEZE_N
-        )
+        is_apart = bool(self.finger_positions(arm).min() > MIN_GRIPPED_M / 2)
+        return is_apart and self.squeeze_n(arm) > MIN_SQUEEZE_N
 
     def squeeze_n(self, arm: Arm) -> float:
         """Force in N with which the motor closes each finger, as of the last step of physics; negative if it opens them."""

@@ -56,9 +56,8 @@ class ServoCommands:
             _of_joints(vector, *dofs) for vector in (self._acceleration, self._force)
         )
         self._lead_per_force = 1 / (TICK_S**2 * arm_pair.position_gain_nm_rad)
-        self._fingers = [
-            [model.joint(name).qposadr[0] for name in arm_pair.finger_names(arm)] for arm in ARMS
-        ]
+        fingers = map(arm_pair.finger_names, ARMS)
+        self._fingers = [[model.joint(name).qposadr[0] for name in names] for names in fingers]
         self._finger_reach = arm_pair.finger_speed_m_s * PHYSICS_STEP_S * np.arange(1, STEPS_PER_TICK + 1)
         self._rests = True
 

@@ -128,9 +128,8 @@ def _checked(file: Path, value: dict[str, Any]) -> str:
     """
     step = _Step.from_json(json.dumps(value))
     name, kind = step.registry_name, SAFE_STEPS.get(step.registry_name)
-    known = (
-        kind.model_fields if kind else [key for key in step.config if not isinstance(step.config[key], str)]
-    )
+    not_texts = [key for key, option in step.config.items() if not isinstance(option, str)]
+    known = kind.model_fields if kind else not_texts
     unknown = {key: value for key, value in step.config.items() if key not in known}
     if kind is None or unknown:
         raise NotSafeToSay(f"{file}: the step {shown(name)}", options_text(unknown))

@@ -106,9 +106,8 @@ def draw_sheet(policy: KeyposePolicy, batch: dict[str, Any], origin: str) -> Fig
         f"best voxel {heat[-1]:.1%}": ARM_COLORS[arm]
         for arm, (_, heat) in zip(ARMS, hot, strict=True)
     }
-    labels |= {"true hand": INK} | dict(
-        zip(("hand x", "hand y (fingers)", "hand z"), AXIS_COLORS, strict=True)
-    )
+    axes_of_hand = zip(("hand x", "hand y (fingers)", "hand z"), AXIS_COLORS, strict=True)
+    labels |= {"true hand": INK} | dict(axes_of_hand)
     handles = [Line2D([], [], color=color, label=text, linewidth=4) for text, color in labels.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure

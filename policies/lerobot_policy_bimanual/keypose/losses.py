@@ -58,9 +58,8 @@ def keypose_errors(predicted: Tensor, keyposes: Tensor) -> dict[str, Tensor]:
 
 def distances(predicted: Tensor, keyposes: Tensor) -> tuple[Tensor, Tensor]:
     """Distances in metres and angles in radians, (b, arms) each, between flat keyposes (b, 18)."""
-    predicted, keyposes = (
-        vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) for vector in (predicted, keyposes)
-    )
+    shape = (len(ARMS), ARM_KEYPOSE_DIM)
+    predicted, keyposes = predicted.unflatten(-1, shape), keyposes.unflatten(-1, shape)
     return (
         (predicted[..., POSITION] - keyposes[..., POSITION]).norm(dim=-1),
         rotation_angle_rad(predicted[..., QUATERNION], keyposes[..., QUATERNION]),

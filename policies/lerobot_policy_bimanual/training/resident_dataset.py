@@ -72,9 +72,8 @@ class ResidentDataset(Dataset):
         rows = self._stored_rows(read, episodes, video_backend)
         progress = tqdm(rows, desc="decoding the dataset", unit="row", total=len(dataset))
         for index, row in enumerate(progress):
-            tensors = {
-                key: self._packed(key, value) for key, value in row.items() if isinstance(value, Tensor)
-            }
+            columns = {key: value for key, value in row.items() if isinstance(value, Tensor)}
+            tensors = {key: self._packed(key, value) for key, value in columns.items()}
             if index == 0:
                 self._columns = _room_for(len(dataset), tensors, device)
             for key, value in tensors.items():
@@ -148,9 +147,8 @@ class ResidentDataset(Dataset):
         video_keys = [key for key in meta.video_keys if key in images]
         notes = {key: meta.features[key].get("info") or {} for key in meta.depth_keys}
         # Depth in metres is stored as floating-point numbers, which are left to LeRobot.
-        in_metres = {
-            key for key in meta.image_keys if notes.get(key, {}).get("depth_unit") == DEPTH_METER_UNIT
-        }
+        units = {key: notes.get(key, {}).get("depth_unit") for key in meta.image_keys}
+        in_metres = {key for key, unit in units.items() if unit == DEPTH_METER_UNIT}
         # OpenCV decodes images in tables three times as fast as LeRobot does.
         for key in set(meta.image_keys) - in_metres:
             table = table.cast_column(key, datasets.Image(decode=False))
@@ -196,9 +194,8 @@ def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[s
             f"{free / 1e9:.1f} GB that are free on {device}. Use `lerobot-train`, or fewer rows, or smaller images, or "
             "fewer of them, by naming the policy's inputs (--policy.input_features)"
         )
-    return {
-        key: torch.empty((rows, *value.shape), dtype=value.dtype, device=device) for key, value in row.items()
-    }
+    shapes = {key: (rows, *value.shape) for key, value in row.items()}
+    return {key: torch.empty(shape, dtype=row[key].dtype, device=device) for key, shape in shapes.items()}
 
 
 def _frames(

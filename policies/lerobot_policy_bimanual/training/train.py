@@ -93,9 +93,8 @@ class AcceleratorWithMemory:
         Raises:
             DatasetError: the rows of a loader do not fit into memory.
         """
-        held = {
-            place: self._in_memory(part) for place, part in enumerate(parts) if isinstance(part, DataLoader)
-        }
+        loaders = {place: part for place, part in enumerate(parts) if isinstance(part, DataLoader)}
+        held = {place: self._in_memory(part) for place, part in loaders.items()}
         numbers = {place: loader for place, (loader, _) in held.items()}
         prepared = self._accelerator.prepare(*(numbers.get(place, part) for place, part in enumerate(parts)))
         return tuple(
@@ -157,9 +156,7 @@ def train(cfg: TrainPipelineConfig) -> None:
 
         cfg.accelerator = WithMemory(**vars(of_config))  # pyright: ignore[reportAttributeAccessIssue]
     else:
-        logger.warning(
-            "This LeRobot takes no accelerator: rows are decoded at every step, as by `lerobot-train`"
-        )
+        logger.warning("This LeRobot takes no accelerator: rows are decoded at every step, as usual")
     lerobot_train.train(cfg)
 
 
