@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import metadata
+from pathlib import Path
 from typing import NamedTuple
 
 from lerobot_bimanual.resources import usable_cores, usable_memory
@@ -15,6 +16,9 @@ CORE, PLUGINS = (
     "lerobot_bimanual",
     ("lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual"),
 )
+SHARED = Path("/dev/shm")
+MIN_SHARED_BYTES = 500_000_000
+"""Docker gives 64 MB, which a few batches of RGB-D images fill."""
 REPAIR = "make setup, or in your own environment: pip install -e . -e envs -e policies -e robots"
 RENDER_TIMEOUT_S = 120
 """An OpenGL driver may hang."""
@@ -111,6 +115,9 @@ def check_machine() -> Iterator[Finding]:
     """What this process may use: cores, memory, disk, and a CUDA device for training at full size."""
     free = f"{usable_memory() / 1e9:.0f} GB memory free, {shutil.disk_usage('.').free / 1e9:.0f} GB free here"
     yield Finding("machine", "info", f"{usable_cores()} cores, {free}")
+    if SHARED.is_dir() and (shared := shutil.disk_usage(SHARED).total) < MIN_SHARED_BYTES:
+        remedy = "in a container: docker run --shm-size=2g; or train with --num_workers=0 and evaluate with synchronous environments"
+        yield Finding(str(SHARED), "warn", f"{shared / 1e6:.0f} MB, in which workers pass images on", remedy)
     if sys.dont_write_bytecode:
         remedy = "unset PYTHONDONTWRITEBYTECODE, or: python -m compileall -q " + sys.prefix
         yield Finding(

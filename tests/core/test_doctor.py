@@ -42,3 +42,11 @@ def test_a_check_that_breaks_is_a_finding_and_the_others_go_on(monkeypatch, caps
     assert "OSError: broken" in printed
     assert "gl: make setup" in printed
     assert "GPU" in printed
+
+
+def test_too_little_shared_memory_and_byte_code_that_is_not_kept_are_findings(monkeypatch):
+    monkeypatch.setattr(command, "MIN_SHARED_BYTES", 10**18)
+    monkeypatch.setattr(command.sys, "dont_write_bytecode", True)
+    findings = {finding.subject: finding for finding in command.check_machine()}
+    assert "--shm-size" in findings["/dev/shm"].remedy
+    assert "PYTHONDONTWRITEBYTECODE" in findings["byte code"].remedy
