@@ -16,7 +16,7 @@ from lerobot_bimanual.results.benchmark import BenchmarkResult
 ALL = list(commands(*DOCUMENTS, *sorted(ROOT.glob("examples/*.sh"))))
 PYTHON_BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
-SMALLER = {
+SMALLER: dict[str, str] = {
     **dict.fromkeys(("--episodes", "--eval.n_episodes", "--eval.batch_size", "--sample"), "1"),
     **dict.fromkeys(("--steps", "--save_freq"), "2"),
     "--episode_indices": "0:1",
@@ -28,7 +28,7 @@ EVALUATION = (
     *("--policy.device=cpu", "--eval.n_episodes=1", "--eval.batch_size=1"),
     *("--env.image_size=32", "--env.max_keyposes=2"),
 )
-FURTHER = {
+FURTHER: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("lerobot-train", "lerobot-bimanual-train"), TRAINING),
     **dict.fromkeys(("lerobot-eval", "lerobot-bimanual-eval"), EVALUATION),
     "lerobot-bimanual-eval": (*EVALUATION, "--env.results_dir=outputs/records"),
@@ -137,7 +137,7 @@ def test_the_commands_and_programs_of_every_page_run(tmp_path: Path) -> None:
 
 def small(words: list[str]) -> list[str]:
     """The same command with little to do."""
-    flags = dict(word.partition("=")[::2] for word in words if "=" in word)
+    flags = {word.partition("=")[0] for word in words if "=" in word}
     further = [*FURTHER.get(words[0], ()), *FURTHER.get(" ".join(words[1:3]), ())]
     added = [flag for flag in further if flag.partition("=")[0] not in flags]
     fewer = {name: f"{name}={SMALLER[name]}" for name in flags if name in SMALLER}
