@@ -82,7 +82,7 @@ class Recipe:
             InvalidChoice: no installed distribution has recipes for the policy, or it has none of that name.
             BimanualError: the file is not YAML, lacks what a benchmark needs, or is of another policy.
         """
-        files = {name: Path(name)} if name.endswith(SUFFIX) else cls._installed(policy)
+        files = {name: Path(name)} if name.endswith(SUFFIX) else cls.files(policy)
         if name not in files:
             raise InvalidChoice(f"recipe for {policy}", name, files)
         try:
@@ -98,8 +98,12 @@ class Recipe:
         return cls(files[name], sections, view, *numbers)
 
     @staticmethod
-    def _installed(policy: str) -> dict[str, Path]:
-        """Files of the installed recipes for a policy, by name."""
+    def files(policy: str) -> dict[str, Path]:
+        """Files of the installed recipes for a policy, by name.
+
+        Raises:
+            InvalidChoice: no installed distribution has recipes for the policy.
+        """
         packages = entries(GROUP)
         if policy not in packages:
             valid = f"{', '.join(packages)}, or another that LeRobot knows, with --recipe=FILE.yaml"

@@ -14,6 +14,7 @@ from lerobot_bimanual.benchmark.config import BenchmarkConfig, resolve
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import SIZES
 from lerobot_bimanual.commands.policy_benchmark import policy_benchmark
+from lerobot_bimanual.commands.policy_recipes import RecipesConfig, policy_recipes
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.statistics import SuccessRate
 
@@ -135,6 +136,13 @@ def test_every_policy_has_a_recipe_of_every_size():
     assert {(path.parts[-3], path.stem) for path in FILES} == {
         (policy, size) for policy in policies | STOCK for size in SIZES
     }
+
+
+def test_all_recipes_are_listed_with_their_files(capsys):
+    policy_recipes(RecipesConfig())
+    assert {word for word in capsys.readouterr().out.split() if word.endswith(".yaml")} == set(
+        map(str, FILES)
+    )
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parts[-3]}-{path.stem}")

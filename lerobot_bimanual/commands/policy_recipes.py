@@ -1,0 +1,32 @@
+"""The command `policy recipes`."""
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from lerobot_bimanual.benchmark.recipes import GROUP, Recipe
+from lerobot_bimanual.distributions import entries
+from lerobot_bimanual.terminal import print_table, show_next
+
+
+@dataclass
+class RecipesConfig:
+    """The command has no flags."""
+
+
+def policy_recipes(config: RecipesConfig) -> None:
+    """List the installed recipes: what a policy learns from, for how long, and in which file that is said.
+
+    A file is a `--config_path` of `lerobot-train`; a changed copy, one of `policy benchmark --recipe=FILE.yaml`.
+
+    Examples:
+        lerobot-bimanual policy recipes
+    """
+    rows = []
+    for policy in sorted(entries(GROUP)):
+        for name, path in Recipe.files(policy).items():
+            recipe = Recipe.find(policy, name)
+            numbers = {"view": recipe.view, "steps": recipe.steps, "batch": recipe.batch_size}
+            rows.append({"policy": policy, "recipe": name, **numbers, "file": path})
+    print_table(pd.DataFrame(rows))
+    show_next("lerobot-bimanual", "policy", "benchmark", "--policy=peract2", "--dry_run")
