@@ -17,7 +17,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts import plans
 from lerobot_env_bimanual.experts.baselines import mixed
 from lerobot_env_bimanual.experts.runner import expert, run_episode
-from lerobot_env_bimanual.failures.behaviour import plans_of_arms
+from lerobot_env_bimanual.failures.agreement import plans_of_arms
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 pytestmark = pytest.mark.sim

@@ -57,8 +57,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     import pandas as pd
 
     from lerobot_bimanual.results.record import result_paths
+    from lerobot_env_bimanual.failures.agreement import first_choices
     from lerobot_env_bimanual.failures.attribution import attribute_failures
-    from lerobot_env_bimanual.failures.behaviour import behaviour, first_choices
+    from lerobot_env_bimanual.failures.behaviour import behaviour
     from lerobot_env_bimanual.tasks.registry import get_task
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
 

@@ -1,31 +1,11 @@
-"""Behaviour beside success: how far episodes came, how hard the arms pressed, how long it took, and whether both followed one plan.
+"""Behaviour beside success: how far episodes came, how hard the arms pressed, and how long it took."""
 
-In tasks that can be done by several plans, the first choice of an arm is its keypose at the index from which on the plans send it to different places; it follows the plan whose
-place is nearest. Scenes that do not allow all plans leave nothing to choose.
-"""
-
-from __future__ import annotations
-
-import functools
 from collections.abc import Mapping, Sequence
 from statistics import fmean, median
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode, success_rate
-from lerobot_bimanual.results.evaluation import EvaluationRecord
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.plans import infeasible_plan, keyposes_by
 from lerobot_env_bimanual.failures.attribution import Attribution
-from lerobot_env_bimanual.verification.episodes import Options, recorded_actions, replay_env
-from lerobot_env_bimanual.workers import WorkerPool
 
-MIN_APART_M = 0.03
-"""Nearer places of two plans are one place."""
 ABSENT = "–"
 
 
@@ -55,47 +35,3 @@ def behaviour(
         "force, N": f"{median(forces_n):.0f}, {max(forces_n):.0f}" if forces_n else ABSENT,
         "time / expert's": f"{median(times):.2f}" if times else ABSENT,
     }
-
-
-def first_choices(record: EvaluationRecord, pool: WorkerPool) -> list[dict[str, Any]]:
-    """The first choices in those episodes whose scenes allow all plans and in which both arms came to choose, in parallel.
-
-    Returns:
-        Per episode `seed`, `success`, and `left_plan` and `right_plan`, the numbers of the plans that the arms follow.
-    """
-    choices = functools.partial(_choices, record.task, tuple(record.options.items()))
-    found = pool.map(choices, record.episodes, f"{record.task}: first choices", "episode")
-    return [each for each in found if each is not None]
-
-
-def plans_of_arms(env: BimanualEnv, actions: Sequence[NDArray[np.float32]]) -> list[int | None]:
-    """Number of the plan that the left and the right arm follow at first; None of an arm that does not come to choose.
-
-    Args:
-        env: right after the reset.
-        actions: keyposes (18,) from the start on.
-    """
-    plans = [keyposes_by(env, plan) for plan in range(len(env.task_definition.spec.plans))]
-    followed: list[int | None] = [None, None]
-    for action, *keyposes in zip(actions, *plans, strict=False):
-        for arm, chosen in zip(ARMS, action.reshape(len(ARMS), ARM_KEYPOSE_DIM), strict=True):
-            places_m = np.array([keypose[arm].pose.position for keypose in keyposes])
-            if followed[arm.ordinal] is None and np.ptp(places_m, axis=0).max() > MIN_APART_M:
-                followed[arm.ordinal] = int(np.linalg.norm(places_m - chosen[:3], axis=1).argmin())
-    return followed
-
-
-@functools.lru_cache(maxsize=1)
-def _env(task: str, options: Options) -> BimanualEnv:
-    """The environment of this process, kept for the next episode of the same evaluation."""
-    return replay_env(task, dict(options))
-
-
-def _choices(task: str, options: Options, episode: Episode) -> dict[str, Any] | None:
-    env = _env(task, options)
-    env.reset(seed=episode.seed, options={"variation": episode.variation})
-    actions = [each for each in recorded_actions(episode) if each.size == KEYPOSE_DIM]
-    left, right = plans_of_arms(env, [each for each in actions if np.isfinite(each).all()])
-    if left is None or right is None or infeasible_plan(env):
-        return None
-    return {"seed": episode.seed, "success": episode.success, "left_plan": left, "right_plan": right}
