@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from types import FrameType
+from typing import Any
 
 PR_SET_PDEATHSIG = 1
 AGAIN_S = 1
@@ -40,12 +41,13 @@ def unwound_by_termination() -> Iterator[None]:
         SystemExit: with 128 and the signal's number.
     """
     came: list[int] = []
+    alarms: list[Any] = []
 
     def leave(number: int, _: FrameType | None) -> None:
         came.append(number)
         if not isinstance(sys.exception(), SystemExit):
             # Finalizers and hooks of forks swallow what is raised in them, so it is raised again until something unwinds.
-            signal.signal(signal.SIGALRM, leave)
+            alarms.append(signal.signal(signal.SIGALRM, leave))
             signal.alarm(AGAIN_S)
             raise SystemExit(128 + came[0])
 
@@ -57,8 +59,9 @@ def unwound_by_termination() -> Iterator[None]:
             raise SystemExit(128 + came[0]) from error
         raise
     finally:
-        if came:
+        if alarms:
             signal.alarm(0)
+            signal.signal(signal.SIGALRM, alarms[0])
 
 
 def interrupts_ignored() -> AbstractContextManager[None]:

@@ -196,7 +196,7 @@ def end_with_parent() -> None:
     if parent is None:
         return
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # At once, however busy: the process that forked us ends with our parent.
+    # At once, however busy: the process that forked us ends with our parent. `await_end` sees a parent that has ended already.
     end_when_parent_ends(signal.SIGKILL, os.getppid())
 
     def await_end() -> None:

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, command
 from lerobot_bimanual.benchmark.pipeline import end, start
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_bimanual.resources import usable_cores
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.protocols import PROTOCOLS
@@ -31,8 +31,9 @@ def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig
         tasks: names of the tasks; those that the protocol is not for are left out.
 
     Raises:
-        BimanualError: a flag is not allowed for one of them.
+        BimanualError: a flag is not allowed for one of them, or there is no lane.
     """
+    check_range("lanes", config.lanes, 1)
     policies = config.policy.split(",")
     meant = PROTOCOLS[config.protocol].tasks if config.protocol in PROTOCOLS else ()
     tasks = [task for task in tasks if task in meant] or tasks

@@ -10,6 +10,7 @@ from planted_failures import evaluation, expert_keyposes, played
 
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM
+from lerobot_bimanual.results.protocols import PROTOCOLS
 from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, settings_of
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
 from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
@@ -23,6 +24,10 @@ from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 pytestmark = pytest.mark.sim
 TASKS = [name for name in list_tasks() if len(get_task(name).spec.plans) > 1]
 FIRST_SEED = 2_150_000
+
+
+def test_the_protocol_of_several_plans_is_for_the_tasks_that_have_them():
+    assert set(PROTOCOLS["plans"].tasks) == {*TASKS}
 
 
 @pytest.fixture(scope="module", params=TASKS)

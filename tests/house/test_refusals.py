@@ -54,6 +54,7 @@ REFUSED = {
         "trained_on=all val_episodes=20": "val_episodes is 20, but of a network that learned from other tasks",
         "protocol=few demos=100": "demos is 100, but 20 in the protocol few: leave --demos or --protocol out",
         "recipe=tiny": "recipe is 'tiny', but must be one of: small, paper, FILE.yaml",
+        "lanes=0": "lanes is 0",
         "save_freq=0": "save_freq: Input should be greater than or equal to 1, but is 0",
         "steps=100000000 save_freq=1": "save_freq must leave at most 10000 checkpoints",
         "train_flags=--steps=3": "sets --steps, which the benchmark sets itself",

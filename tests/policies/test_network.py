@@ -130,12 +130,12 @@ def test_factorised_head_is_one_distribution_over_all_voxels_and_its_loss_the_li
     torch.testing.assert_close(loss, -candidates.score[hit].view(2, 2))
 
 
-def read_stem(stem: torch.Tensor) -> StemFeatures:
+def read_stem(head: FactorisedTranslationHead, stem: torch.Tensor) -> StemFeatures:
     """Reading of voxel features (b, 4, v, v, v) that are positive, so that a layer can give them as they are."""
     layer = PointwiseConv3d(4, 4)
     with torch.no_grad():
         layer.conv.weight.copy_(torch.eye(4).view(4, 4, 1, 1, 1))
-    return StemFeatures(stem, layer, PatchConv3d(4, 4, centred=False))
+    return head.read(stem, layer, PatchConv3d(4, 4, centred=False), None)[0]
 
 
 def test_a_voxels_score_depends_on_what_lies_in_line_with_it_however_far():
@@ -146,9 +146,9 @@ def test_a_voxels_score_depends_on_what_lies_in_line_with_it_however_far():
         torch.rand(1, 1, 8, 4, 4, 4),
     )
     target = torch.tensor([[[2, 2, 2]]])
-    before = head(read_stem(stem), patches, answers, target)[0].target_voxel_logits
+    before = head(read_stem(head, stem), patches, answers, target)[0].target_voxel_logits
     stem[0, :, 2, 1, 17] = 10  # three patches above
-    after = head(read_stem(stem), patches, answers, target)[0].target_voxel_logits
+    after = head(read_stem(head, stem), patches, answers, target)[0].target_voxel_logits
     x, y, _ = torch.cartesian_prod(*[torch.arange(5)] * 3).unbind(1)
     below = ((x - 2).abs() <= 1) & ((y - 1).abs() <= 1)
     assert (before != after)[0, 0].equal(below)
@@ -162,7 +162,7 @@ def test_dilations_let_patches_and_their_voxels_see_things_far_to_their_side():
     bright[0, :, 13, 2, 8] = 10
     for dilations, sees in (((), False), ((3, 9), True)):
         head = FactorisedTranslationHead(head_config(projection_dilations=dilations), arms=1)
-        before, after = (head(read_stem(features), *rest)[0] for features in (stem, bright))
+        before, after = (head(read_stem(head, features), *rest)[0] for features in (stem, bright))
         assert (before.patch_logits[0, 0, 0] != after.patch_logits[0, 0, 0]) == sees
         target = split_voxel(torch.tensor([2, 2, 2]), 4)[1]
         assert (before.target_voxel_logits[0, 0, target] != after.target_voxel_logits[0, 0, target]) == sees

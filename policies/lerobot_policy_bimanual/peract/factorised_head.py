@@ -198,12 +198,13 @@ class FactorisedTranslationHead(nn.Module):
         self.patch_lines = nn.ModuleList(nn.Linear(FINE_CHANNELS, 1) for _ in range(arms if dilations else 0))
         self.feature_dim = channels + 4 * token_dim + 4 * token_dim + token_dim
 
-    @staticmethod
     def read(
-        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, filters: Tensor | None
+        self, grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, filters: Tensor | None
     ) -> tuple[StemFeatures, Tensor]:
         """Compute stem features of a grid (b, 10, v, v, v) with language-conditioned filters, and patch tokens."""
         features = StemFeatures(grid, stem, patchify, filters)
+        heads = (cast(VoxelInPatch, head) for head in self.voxel_logits)
+        features.along_lines = [head.along_lines(features.planes) for head in heads]
         return features, features.tokens
 
     def forward(
@@ -229,9 +230,6 @@ class FactorisedTranslationHead(nn.Module):
         patch_logits = at_least_float32(
             torch.stack([head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1)
         )
-        planes = stem.planes
-        if not stem.along_lines:  # joint decoding scores twice
-            stem.along_lines = [cast(VoxelInPatch, head).along_lines(planes) for head in self.voxel_logits]
         along_lines = stem.along_lines
         if self.patch_lines:
             logits = [_patch_logits(*pair) for pair in zip(self.patch_lines, along_lines, strict=True)]
@@ -249,7 +247,7 @@ class FactorisedTranslationHead(nn.Module):
             scores = self._score(stem, along_lines, tokens, patch[..., None])
             target_logits, target_cells = (score[:, :, 0] for score in scores)
         features = [
-            at_least_float32(planes[0].flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
+            at_least_float32(stem.planes[0].flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
             pool(answers.flatten(0, 1)).unflatten(0, (-1, A)),
             pool(refined.flatten(0, 1)).unflatten(0, (-1, A)),
             at_least_float32(_take(tokens, patch[..., None])[:, :, 0]),

@@ -31,7 +31,7 @@ class StemFeatures:
     Attributes:
         tokens: (b, p^3, outputs of `patchify`), the last axis of the grid fastest.
         planes: maxima (b, channels, v, v) of the stem along x, y and z.
-        along_lines: the head's features of the planes, per arm; empty before its first pass.
+        along_lines: the head's features of the planes, per arm, which its `read` sets; joint decoding takes them twice.
     """
 
     def __init__(

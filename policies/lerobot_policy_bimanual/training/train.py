@@ -156,7 +156,7 @@ def train(cfg: TrainPipelineConfig) -> None:
 
         cfg.accelerator = WithMemory(**vars(of_config))  # pyright: ignore[reportAttributeAccessIssue]
     else:
-        logger.warning("This LeRobot takes no accelerator: rows are decoded at every step, as usual")
+        logger.warning("This LeRobot takes no accelerator: rows are decoded at every step")
     lerobot_train.train(cfg)
 
 
