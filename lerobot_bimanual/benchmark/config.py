@@ -65,6 +65,8 @@ class BenchmarkConfig:
     demos_plans: Literal["one", "several"] | None = None
     # Variations of the demonstrations, separated by commas, of which the last checkpoint is scored; by default that of the test.
     demos_variation: str | None = None
+    # Of each task's demonstrations, so that trainings may differ in them, too.
+    first_demo_seed: int = 0
     # Of the episodes; the splits give other episodes for the same seeds. By default 0.
     first_seed: int | None = None
     # Further flags of the training, in one text; they win over the recipe's.
@@ -116,6 +118,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         **numbers,
         **flags,
         seed=config.seed,
+        first_demo_seed=config.first_demo_seed,
         device=config.device or usual_device,
         training=training | own | _options(config, "train_flags"),
         evaluation=_options(config, "eval_flags"),

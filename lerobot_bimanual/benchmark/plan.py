@@ -65,7 +65,7 @@ class Plan:
     def dataset(self) -> Path:
         """The demonstrations."""
         kind = self.recipe.view if self.recipe.depth else f"{self.recipe.view}_rgb"
-        name = f"{kind}_{self.settings.image_size}_{self.settings.demos}"
+        name = self.settings.seeded(f"{kind}_{self.settings.image_size}_{self.settings.demos}")
         return self.source / self.settings.demonstrated(name)
 
     @property
@@ -123,6 +123,7 @@ class Plan:
             "task": settings.trained_on or settings.task,
             "variation": settings.demos_variation or settings.variation,
             "episodes": settings.demos,
+            "first_seed": settings.first_demo_seed or None,
             "split": "train",
             "view": self.recipe.view,
             "image_size": settings.image_size,

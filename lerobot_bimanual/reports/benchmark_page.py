@@ -202,7 +202,7 @@ def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Map
 
 
 def _without_seed(flags: str) -> str:
-    flags = re.sub(r"--seed=\d+ ?", "", flags).strip()
+    flags = re.sub(r"--(first_demo_)?seed=\d+ ?", "", flags).strip()
     return f"`{flags}`" if flags else ABSENT
 
 

@@ -53,6 +53,7 @@ class BenchmarkSettings(Record):
         demos_perturb: perturbations of the demonstrations.
         demos_plans: "several" for demonstrations by each of the task's plans equally often.
         demos_variation: variations of the demonstrations, separated by commas; empty for that of the test.
+        first_demo_seed: seed of each task's first demonstration.
         setting: of demonstrations and evaluations.
         device: torch device; None if LeRobot chose it.
         training: further options of `lerobot-train` by name: those of the recipe, and those that were given beside it.
@@ -78,6 +79,7 @@ class BenchmarkSettings(Record):
     demos_perturb: str = ""
     demos_plans: Literal["one", "several"] = "one"
     demos_variation: Annotated[str, Field(pattern="^([0-9]{1,4}(,[0-9]{1,4})*)?$")] = ""
+    first_demo_seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     setting: Literal["standard", "varied"] = "standard"
     device: str | None = None
     training: dict[str, JsonValue]
@@ -104,8 +106,8 @@ class BenchmarkSettings(Record):
 
     @property
     def run_id(self) -> str:
-        """Name of the training: `policy_id` with recipe and seed."""
-        return self._learned(f"{self.policy}_{self.recipe}_seed{self.seed}")
+        """Name of the training: `policy_id` with recipe and seeds."""
+        return self._learned(self.seeded(f"{self.policy}_{self.recipe}_seed{self.seed}"))
 
     @property
     def file_name(self) -> str:
@@ -116,6 +118,10 @@ class BenchmarkSettings(Record):
     def checkpoint_steps(self) -> tuple[int, ...]:
         """Steps after which LeRobot leaves a checkpoint, the last one included."""
         return (*range(self.save_freq, self.steps, self.save_freq), self.steps)
+
+    def seeded(self, name: str) -> str:
+        """A name with the seed of the first demonstration, if that is not the usual one."""
+        return f"{name}_from{self.first_demo_seed}" if self.first_demo_seed else name
 
     def demonstrated(self, name: str) -> str:
         """A name with what is special about the demonstrations: perturbations, few, several plans, other variations."""

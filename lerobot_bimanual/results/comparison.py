@@ -18,8 +18,8 @@ from lerobot_bimanual.results.statistics import SuccessRate, sign_flip_p_value
 
 type Results = Mapping[Path, Scored]
 
-DATASET_NAMES = ("repo_id",)
-"""Settings of demonstrations that do not decide their content."""
+INCIDENTAL = ("repo_id", "first_seed")
+"""Settings of demonstrations in which trainings of one policy may differ."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def check_comparable(results: Results) -> None:
 
 
 def check_trainings(results: Results) -> None:
-    """Trainings of one policy are of one recipe; those for one line differ in weights and seed, and in nothing else.
+    """Trainings of one policy are of one recipe; those for one line differ in weights and seeds, and in nothing else.
 
     Raises:
         BimanualError: they differ in something else, or have the same weights; the message names both files.
@@ -176,8 +176,8 @@ def _facts_of_training(result: Scored) -> dict[str, object]:
     if isinstance(result, EvaluationRecord):
         return {f"options of {result.policy_id} on {result.eval_key}": result.options}
     config, settings = result.config, result.demonstrations.settings
-    measured = config.model_dump(exclude={"seed", "training"}) | config.training
-    demonstrated = {name: value for name, value in settings.items() if name not in DATASET_NAMES}
+    measured = config.model_dump(exclude={"seed", "first_demo_seed", "training"}) | config.training
+    demonstrated = {name: value for name, value in settings.items() if name not in INCIDENTAL}
     named = {"setting": measured, "demonstrations' setting": demonstrated, "test's option": result.options}
     of = f"of {config.policy_id} on {config.eval_key}"
     facts: dict[str, object] = {f"recipe of {config.policy_id}": config.recipe}

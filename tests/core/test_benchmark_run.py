@@ -185,6 +185,16 @@ def test_demonstrations_by_several_plans_have_names_of_their_own(programs, confi
     assert not any("plans" in word for word in Plan.of(config).generation().words)
 
 
+def test_trainings_on_demonstrations_of_other_seeds_share_protocol_and_baselines(programs, config):
+    usual, other = Plan.of(config), Plan.of(replace(config, first_demo_seed=2000))
+    assert "--first_seed=2000" in other.generation().words
+    assert "--first_seed=2000" not in usual.generation().words
+    assert other.dataset.name == "keyframes_128_2_from2000"
+    assert other.result.name == "lift_ball_mine_small_seed1000_from2000.json"
+    assert (other.settings.policy_id, other.settings.protocol) == ("mine", "own")
+    assert other.baseline("expert") == usual.baseline("expert")
+
+
 def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
     for name, protocol in PROTOCOLS.items():
         config = BenchmarkConfig("mine", task=(*protocol.tasks, "lift_ball")[0], protocol=name)
@@ -276,6 +286,7 @@ def test_the_result_of_another_measurement_is_not_replaced(changes, message, pro
         {"trained_on": "all", "demos_perturb": "mass:1", "demos_plans": "several"},
         {"protocol": "hard"},
         {"protocol": "multitask", "save_freq": 6},
+        {"first_demo_seed": 2000},
         {"first_seed": 4_000_000, "variation": "2", "demos_variation": "0,1"},
         {"train_flags": "--policy.shift=[0.5,1] '--policy.more=a b' --policy.lr=2e-3 --policy.name=\"it's\""},
         {"eval_flags": "--eval.batch_size=1", "train_flags": "--policy.depth=3.0 --policy.head=null"},

@@ -105,6 +105,15 @@ def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_p
     assert "A single training of a policy does not say" in printed
 
 
+def test_trainings_with_and_without_demonstrations_of_their_own_are_of_one_policy(tmp_path, capsys):
+    seeds = RESULT.demonstrations.settings | {"first_seed": 2000}
+    demonstrations = RESULT.demonstrations.model_copy(update={"settings": seeds})
+    put(tmp_path, trained("xxxx", 1))
+    put(tmp_path, trained("....", 2, config={"first_demo_seed": 2000}, demonstrations=demonstrations))
+    results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
+    assert "4, 0 of 4" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("config", "fields", "message"),
     [
