@@ -216,7 +216,8 @@ class Pipeline:
             )
         # The checkpoint is its own; only of a few policies can be said that they load nothing by name.
         words = [command.words[0], f"--config_path={checkpoints[-1]}"]
-        return [*words, "--trust_checkpoint=true", "--resume=true"]
+        kept = [word for word in command.words if word.startswith("--keep_last=")]
+        return [*words, "--trust_checkpoint=true", "--resume=true", *kept]
 
 
 def show_command(console: Console, prompt: str, words: Iterable[str]) -> None:

@@ -15,6 +15,8 @@ from lerobot_bimanual.errors import InvalidChoice, did_you_mean, plain
 from lerobot_bimanual.files import read_json, read_yaml
 
 ALWAYS = ("config_path", "help", "trust_checkpoint")
+KEEP_FLAG = "keep_last"
+"""Flag of a training: how many checkpoints are kept; LeRobot does not know it."""
 OF_CHOICES = ("type", "path", "discover_packages_path")
 """Flags of every config that has several kinds, such as `--policy.type`."""
 SECTIONS = {"dataset": "DatasetConfig", "eval": "EvalConfig", "wandb": "WandBConfig"}
@@ -96,6 +98,8 @@ def _of_file(place: str) -> dict[str, str]:
 
 def _flags(config: str) -> Iterator[str]:
     """Yield the flags of a program, without those of sections that LeRobot alone knows."""
+    if config == "TrainPipelineConfig":
+        yield KEEP_FLAG
     classes = {name: FIELD.findall(block) for name, block in CLASS.findall(_text("configs"))}
     yield from classes[config]
     for section, name in SECTIONS.items():

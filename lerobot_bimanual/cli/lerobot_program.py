@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
 from lerobot_bimanual.cli.command_line import TRACEBACK_VARIABLE, answered
-from lerobot_bimanual.cli.lerobot_flags import check_flags
+from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG, check_flags
 from lerobot_bimanual.errors import BimanualError
 
 TRUST_FLAG = "--trust_checkpoint=true"
@@ -80,7 +80,8 @@ def run_program(
                     )
             check(values)
             print(f"{program}: importing LeRobot", file=sys.stderr)
-        sys.argv = [sys.argv[0], *(word for word in words if word != TRUST_FLAG)]
+        own = (TRUST_FLAG, f"--{KEEP_FLAG}=")
+        sys.argv = [sys.argv[0], *(word for word in words if not word.startswith(own))]
         if "help" in values:
             work(values)
             return 0

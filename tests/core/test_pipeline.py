@@ -152,7 +152,8 @@ def training_command(tmp_path: Path, *more: str) -> Command:
 
 
 def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, trainings, training):
-    command = training_command(tmp_path)
+    kept = "--keep_last=2"
+    command = training_command(tmp_path, kept)
     training.code = 1
     with pytest.raises(BimanualError):
         trainings.run(command)
@@ -160,8 +161,8 @@ def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, trai
     training.code = 0
     trainings.run(command)
     assert training.calls == [
-        NEW_TRAINING,
-        ["lerobot-train", f"--config_path={training.last}", *RESUMED],
+        [*NEW_TRAINING, kept],
+        ["lerobot-train", f"--config_path={training.last}", *RESUMED, kept],
     ]
     assert trainings.seconds(command) > first  # both runs are counted
     trainings.run(command)

@@ -131,20 +131,32 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
 
 
 @pytest.mark.parametrize(
-    ("command", "randomness"),
+    ("command", "randomness", "own", "kept"),
     [
-        ("lerobot-train", NOTHING_RANDOM),
-        ("lerobot-bimanual-train", ["--policy.attention_dropout=0.5", "--policy.augmentation=true"]),
+        ("lerobot-train", NOTHING_RANDOM, [], ["000002", "000004", "last"]),
+        (
+            "lerobot-bimanual-train",
+            ["--policy.attention_dropout=0.5", "--policy.augmentation=true"],
+            ["--keep_last=1"],
+            ["000004", "last"],
+        ),
     ],
 )
-def test_training_resumes_exactly(room, tiny_flags, command, randomness):
+def test_training_resumes_exactly(room, tiny_flags, command, randomness, own, kept):
     flags = (*tiny_flags["peract2"], *CONSTANT, *randomness)
     whole, parts = f"{command}-straight", f"{command}-resumed"
     train(*flags, folder=room, data=KEYFRAMES, steps=4, output=whole, command=command)
     train(*flags, folder=room, data=KEYFRAMES, steps=2, output=parts, command=command)
     config = room / parts / "checkpoints" / "last" / "pretrained_model" / "train_config.json"
-    run(command, f"--config_path={config}", "--resume=true", "--steps=4", folder=room)
+    run(command, f"--config_path={config}", "--resume=true", "--steps=4", *own, folder=room)
     assert_equal_weights(room / whole, room / parts)
+    assert sorted(path.name for path in (room / parts / "checkpoints").iterdir()) == kept
+
+
+@pytest.mark.parametrize("count", ["0", "two", ""])
+def test_a_count_of_checkpoints_that_is_none_is_refused(count, room):
+    told = run("lerobot-bimanual-train", "--policy.type=act", f"--keep_last={count}", folder=room, fails=True)
+    assert f"--keep_last is {count}, but must be a number of checkpoints, 1 or more" in told
 
 
 @pytest.mark.parametrize(("view", "policy"), [("keyframes", "peract2"), ("frames", "act")])

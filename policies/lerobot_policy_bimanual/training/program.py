@@ -5,7 +5,10 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from lerobot_bimanual.cli.flags import BadCommandLine
+from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG
 from lerobot_bimanual.cli.lerobot_program import run_program
+from lerobot_bimanual.errors import plain
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Parameters of glibc's `mallopt`."""
@@ -20,20 +23,26 @@ def main() -> int:
 
 
 def _check(values: Mapping[str, str]) -> None:
+    kept = values.get(KEEP_FLAG, "1")
+    if not kept.isdecimal() or int(kept) < 1:
+        raise BadCommandLine(
+            f"--{KEEP_FLAG} is {plain(kept)}, but must be a number of checkpoints, 1 or more"
+        )
     if root := values.get("dataset.root"):
         from lerobot_policy_bimanual.training.dataset_folder import check_dataset
 
         check_dataset(Path(root))
 
 
-def _train(_: Mapping[str, str]) -> None:
+def _train(values: Mapping[str, str]) -> None:
     keep_freed_memory()
     from lerobot.utils.import_utils import register_third_party_plugins
 
     from lerobot_policy_bimanual.training.train import train
 
     register_third_party_plugins()
-    train()  # pyright: ignore[reportCallIssue]  the config is made of the flags
+    # The config is made of the flags.
+    train(keep_last=int(values[KEEP_FLAG]) if KEEP_FLAG in values else None)  # pyright: ignore[reportCallIssue]
 
 
 def keep_freed_memory() -> None:

@@ -11,6 +11,7 @@ later ones from what `cfg.accelerator.build` makes. Ours gives back loaders of t
 
 import inspect
 import logging
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial
@@ -73,10 +74,11 @@ class AcceleratorWithMemory:
     Args:
         cfg: of the training.
         make: makes the accelerator, when LeRobot first uses it: after it has validated the config.
+        keep_last: how many checkpoints are kept; None keeps all.
     """
 
-    def __init__(self, cfg: TrainPipelineConfig, make: Callable[[], Accelerator]):
-        self._cfg, self._make = cfg, make
+    def __init__(self, cfg: TrainPipelineConfig, make: Callable[[], Accelerator], keep_last: int | None):
+        self._cfg, self._make, self._keep_last = cfg, make, keep_last
 
     @cached_property
     def _accelerator(self) -> Accelerator:
@@ -109,6 +111,9 @@ class AcceleratorWithMemory:
         self._accelerator.wait_for_everyone()
         if self._accelerator.is_main_process and self._cfg.output_dir is not None:
             share_files(Path(self._cfg.output_dir), "*.safetensors")  # written for their owner alone
+            saved = sorted(Path(self._cfg.output_dir).glob("checkpoints/[0-9]*"))
+            for folder in saved[: -self._keep_last] if self._keep_last else ():
+                shutil.rmtree(folder)
 
     def _in_memory(self, loader: DataLoader) -> tuple[DataLoader, ResidentDataset]:
         """A loader of the numbers of the same rows, and their dataset in memory."""
@@ -132,8 +137,12 @@ def _starts_within_an_epoch(loader: DataLoader) -> bool:
 
 
 @parser.wrap()
-def train(cfg: TrainPipelineConfig) -> None:
+def train(cfg: TrainPipelineConfig, keep_last: int | None = None) -> None:
     """Train with the dataset in memory; a LeRobot that takes no accelerator trains with its own loaders, and a warning.
+
+    Args:
+        cfg: of the training.
+        keep_last: how many checkpoints are kept, the newest ones; None keeps all.
 
     Raises:
         DatasetError: as in `check_training`, or the dataset does not fit into memory.
@@ -143,7 +152,7 @@ def train(cfg: TrainPipelineConfig) -> None:
         raise BadConfig("--job.target names another machine: submit the training with `lerobot-train`")
     of_config: Any = getattr(cfg, "accelerator", None)
     if "accelerator" in inspect.signature(lerobot_train.train).parameters:
-        accelerator: Any = AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg))
+        accelerator: Any = AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg), keep_last)
         lerobot_train.train(cfg, accelerator)
         return
     if hasattr(of_config, "build"):
@@ -152,7 +161,7 @@ def train(cfg: TrainPipelineConfig) -> None:
             """LeRobot's config of an accelerator, which makes ours."""
 
             def build(self, *args: Any, **kwargs: Any) -> Any:
-                return AcceleratorWithMemory(cfg, partial(super().build, *args, **kwargs))
+                return AcceleratorWithMemory(cfg, partial(super().build, *args, **kwargs), keep_last)
 
         cfg.accelerator = WithMemory(**vars(of_config))  # pyright: ignore[reportAttributeAccessIssue]
     else:
