@@ -97,7 +97,7 @@ class TaskSpec:
             order. Without any, things are those of `standard`.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
         plans: names of the ways in which the expert may do it, such that both arms must go the same one; the first is that of
-            every episode but those of `dataset generate --plans=several`.
+            every episode but some of `dataset generate --plans=several`.
         load_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
             (`lerobot_env_bimanual.experts.load`) are too low for it; the task's file says why.
     """

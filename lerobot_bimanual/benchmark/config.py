@@ -61,7 +61,7 @@ class BenchmarkConfig:
     # Of demonstrations, evaluations and baselines; by default standard.
     setting: Literal["standard", "varied"] | None = None
     demos_perturb: str | None = None  # perturbations of the demonstrations, likewise; by default none
-    # `several`: demonstrations by each of the task's plans equally often; see `dataset generate`. By default one.
+    # `several`: demonstrations of the same scenes by each of the task's plans; see `dataset generate`. By default one.
     demos_plans: Literal["one", "several"] | None = None
     # Variations of the demonstrations, separated by commas, of which the last checkpoint is scored; by default that of the test.
     demos_variation: str | None = None

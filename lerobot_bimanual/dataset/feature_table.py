@@ -43,7 +43,7 @@ OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"}
 """Further columns of shape (1,) of policies' episodes: whether it was solved, and the class of its failure, "" if it was."""
 PLAN = "plan"
 PLANS: dict[str, str] = {PLAN: "int64"}
-"""A further column of shape (1,) of demonstrations with several plans: which one was drawn. No policy reads it."""
+"""A further column of shape (1,) of demonstrations with several plans: which one it is. No policy reads it."""
 
 
 def features(

@@ -26,12 +26,14 @@ class EpisodeKey(Record):
         variation: index of the variation.
         split: split of the seed.
         seed: seed of the reset.
+        plan: number of the plan that is demonstrated; 0 is the usual one.
     """
 
     task: str
     variation: Annotated[int, Field(ge=0, lt=MAX_INT)]
     split: str
     seed: Annotated[int, Field(ge=0, lt=MAX_INT)]
+    plan: Annotated[int, Field(ge=0, lt=MAX_INT, exclude_if=lambda plan: plan == 0)] = 0
 
     def __str__(self) -> str:
         """The episode in words, such as `lift_ball 0 train 7`."""

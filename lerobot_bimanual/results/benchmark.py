@@ -51,7 +51,7 @@ class BenchmarkSettings(Record):
         first_seed: seed of the first validation and test episode.
         perturb: perturbations of the test, `AXIS:LEVEL,...`.
         demos_perturb: perturbations of the demonstrations.
-        demos_plans: "several" for demonstrations by each of the task's plans equally often.
+        demos_plans: "several" for demonstrations of the same scenes by each of the task's plans.
         demos_variation: variations of the demonstrations, separated by commas; empty for that of the test.
         first_demo_seed: seed of each task's first demonstration.
         setting: of demonstrations and evaluations.

@@ -16,7 +16,7 @@ class Flags:
 
     Attributes:
         demos: demonstrations of each task.
-        demos_plans: "several" for demonstrations by each of the task's plans equally often.
+        demos_plans: "several" for demonstrations of the same scenes by each of the task's plans.
         demos_variation: variations of the demonstrations, separated by commas; empty for that of the test.
         demos_perturb: perturbations of the demonstrations.
         trained_on: tasks and suites from whose demonstrations one network learns; empty for the task alone.

@@ -4,7 +4,6 @@ import shlex
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -23,13 +22,12 @@ from lerobot_env_bimanual.commands.dataset_generate import (
     make_dataset,
     settings_of,
 )
+from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.experts.plans import drawn_plan
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.tasks.registry import get_task
 
 pytestmark = pytest.mark.sim
 
@@ -165,13 +163,20 @@ def test_variations_take_turns_and_a_failed_seed_is_replaced_by_its_next_one(tmp
         planned(small_generation(tmp_path / "broken", episodes=1), failing=range(100))
 
 
-def test_each_plan_has_its_share_whatever_seeds_are_skipped(tmp_path, small_generation):
+def test_each_plan_is_demonstrated_in_the_same_scenes_whatever_seeds_are_skipped(tmp_path, small_generation):
     config = small_generation(tmp_path / "plans", task="dual_push_buttons", episodes=20, plans="several")
     skipped = {seed for seed in range(60) if seed % 3}
-    keys = {key for shards in planned(config, skipped) for _, keys in shards for key in keys}
-    spec = get_task("dual_push_buttons").spec
-    kept = [(v, drawn_plan(spec, "train", seed, "standard")) for seed, v in keys if seed not in skipped]
-    assert Counter(kept) == dict.fromkeys(product(range(5), range(2)), 2)
+    settings, reports = settings_of(config), []
+    while shards := next_round(settings, reports):
+        for shard in shards:
+            failed = [key for key in shard.candidates if key.seed in skipped]
+            solved = tuple(key for key in shard.candidates if key not in failed)
+            reasons = (SkippedSeed(**key.model_dump(), reason="slipped") for key in failed)
+            reports.append(ShardReport(episodes=solved, skipped=tuple(reasons)))
+    kept = [(key.variation, key.seed, key.plan) for report in reports for key in report.episodes]
+    scenes = {key[:2] for key in kept}
+    assert Counter(variation for variation, _ in scenes) == dict.fromkeys(range(5), 2)
+    assert Counter(kept) == Counter((*scene, plan) for scene in scenes for plan in range(2))
 
 
 def test_skipped_seeds_are_listed_with_reasons(tmp_path, small_generation, records_here, monkeypatch, capsys):
@@ -195,13 +200,17 @@ def test_skipped_seeds_are_listed_with_reasons(tmp_path, small_generation, recor
     assert skipped.reason in capsys.readouterr().out
 
 
-def test_with_several_plans_a_column_says_which_was_drawn(small_generation, tmp_path, records_here):
+def test_with_several_plans_a_column_says_which_is_followed(small_generation, tmp_path, records_here):
     options = {"plans": "several", "view": "keyframes", "episodes": 2, "episodes_per_shard": 2}
     config = small_generation(tmp_path / "several", **options)
     make_dataset(settings_of(config), config.root, records_here())
     dataset = RecordedDataset(config.root)
-    drawn = [set(dataset.episode(index).columns["plan"].tolist()) for index in range(2)]
-    assert sorted(drawn, key=min) == [{0}, {1}]
     assert dataset.provenance is not None
+    first, second = dataset.episodes()
+    assert first.meta == second.meta
+    assert [set(episode.columns["plan"].tolist()) for episode in (first, second)] == [{0}, {1}]
+    assert not np.array_equal(first.columns["action"][0], second.columns["action"][0])
+    assert [key.plan for key in dataset.provenance.episodes] == [0, 1]
+    assert dataset_verify(DatasetVerifyConfig(root=config.root, workers=1)) == 0
     assert dataset.provenance.settings["plans"] == "several"
     assert "plans" not in settings_of(replace(config, plans="one")).model_dump()  # as in datasets of old

@@ -46,7 +46,7 @@ class DatasetGenerateConfig:
     perturb: str = ""
     # in `varied` sizes, heights and places of things differ more
     setting: Literal["standard", "varied"] = "standard"
-    # `several`: each of a task's plans equally often, in scenes that allow all of them; the column `plan` says which.
+    # `several`: the same scenes by each of a task's plans, where they allow all of them; the column `plan` says which.
     plans: Literal["one", "several"] = "one"
     workers: int = 0  # shards recorded at the same time; 0 takes one per core
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose

@@ -23,7 +23,7 @@ from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.experts.plans import demonstrator, plan_of
+from lerobot_env_bimanual.experts.plans import demonstrator
 from lerobot_env_bimanual.experts.runner import expert_of, run_episode
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.world.scene import SceneState
@@ -81,7 +81,7 @@ class Recorder:
         seed: int,
         variation: int,
         voxels: int = 0,
-        has_several_plans: bool = False,
+        plan: int | None = None,
     ) -> tuple[EpisodeOutcome, Demonstration | None]:
         """Play one episode.
 
@@ -91,13 +91,14 @@ class Recorder:
             seed: seed of the reset.
             variation: index of the task's variation.
             voxels: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
-            has_several_plans: whether the plan is drawn; the episode then tells it.
+            plan: number of the plan that is followed, where all plans of the task can be done; the episode then tells it.
 
         Returns:
             What became of it, and the episode if it succeeded. The episode's images can be asked for until the
             next call.
 
         Raises:
+            InvalidChoice: the task has no such plan.
             PlacementFailure: the seed has no placement of the props that both arms can serve, or not with all plans.
         """
         env = self._env_of(task, options)
@@ -105,11 +106,11 @@ class Recorder:
         tape = Tape(env, lambda: len(keyposes) - 1)
         with env.observed_by(tape.note):
             codec = KeyposeCodec(voxels=voxels) if voxels else None
-            player = partial(demonstrator, codec=codec) if has_several_plans else expert_of(env, codec)
+            player = expert_of(env, codec) if plan is None else partial(demonstrator, plan=plan, codec=codec)
             outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action), variation)
         if not outcome.success:
             return outcome, None
-        further = {PLAN: np.array([plan_of(env)])} if has_several_plans else {}
+        further = {} if plan is None else {PLAN: np.array([plan])}
         return outcome, replace(tape.demonstration(np.array(keyposes)), further=further)
 
     def close(self) -> None:

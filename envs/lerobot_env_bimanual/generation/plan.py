@@ -1,8 +1,8 @@
 """The plan: which seeds are tried, and in which shards.
 
-Candidate number c of a task has seed `first_seed + c` and the c-th of its variations in turn. A dataset holds the
-first successes of every variation, and of each plan where there are several, in this order, so its content depends on
-nothing but the settings, however many processes tried the seeds. Candidates come in rounds: the first has as many as
+Seed number c of a task, `first_seed + c`, has the c-th of its variations in turn; where there are several plans, it is a
+candidate for each. A dataset holds the first successes of every variation and plan, in the order of the seeds, so its content
+depends on nothing but the settings, however many processes tried the seeds. Candidates come in rounds: the first has as many as
 episodes are wanted; each further one replaces the failures of the rounds before.
 """
 
@@ -16,7 +16,6 @@ from itertools import count, islice, product
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.results.record import Record
-from lerobot_env_bimanual.experts.plans import drawn_plan
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -61,9 +60,9 @@ def next_round(settings: GenerationSettings, reports: Sequence[ShardReport]) -> 
     Raises:
         DatasetError: an expert failed too often; the message lists the reasons.
     """
-    found = Counter(_kind(settings, key) for report in reports for key in report.episodes)
+    found = Counter(map(_kind, (key for report in reports for key in report.episodes)))
     skipped = [seed for report in reports for seed in report.skipped]
-    tried = found + Counter(_kind(settings, seed) for seed in skipped)
+    tried = found + Counter(map(_kind, skipped))
     allowed = max(MIN_FAILURES_ALLOWED, MAX_FAILURES_PER_EPISODE[settings.plans] * settings.episodes)
     shards: list[Shard] = []
     for task in settings.tasks:
@@ -73,7 +72,9 @@ def next_round(settings: GenerationSettings, reports: Sequence[ShardReport]) -> 
                 f"the expert of {task!r} failed on {len(failures)} seeds, more than the {allowed:.0f} allowed for "
                 f"{settings.episodes} episodes. Last failures: {'; '.join(failures[-3:])}"
             )
-        candidates = sorted(_candidates(settings, task, found, tried), key=lambda candidate: candidate.seed)
+        candidates = sorted(
+            _candidates(settings, task, found, tried), key=lambda each: (each.seed, each.plan)
+        )
         for start in range(0, len(candidates), settings.episodes_per_shard):
             name = f"{len(reports) + len(shards):06d}"
             shards.append(Shard(name, tuple(candidates[start : start + settings.episodes_per_shard])))
@@ -89,16 +90,11 @@ def _candidates(
     for (plan, variation), nth in zip(product(range(plans), variations), count()):
         kind, place = (task, variation, plan), nth % len(variations)
         missing = len(range(nth, settings.episodes, plans * len(variations))) - found[kind]
-        keys = (
-            EpisodeKey(task=task, variation=variation, split=settings.split, seed=seed)
-            for seed in count(settings.first_seed + place, len(variations))
-        )
-        alike = (key for key in keys if _kind(settings, key) == kind)
-        yield from islice(alike, tried[kind], tried[kind] + missing)
+        seeds = count(settings.first_seed + place, len(variations))
+        for seed in islice(seeds, tried[kind], tried[kind] + missing):
+            yield EpisodeKey(task=task, variation=variation, split=settings.split, seed=seed, plan=plan)
 
 
-def _kind(settings: GenerationSettings, key: EpisodeKey | SkippedSeed) -> tuple[str, int, int]:
+def _kind(key: EpisodeKey) -> tuple[str, int, int]:
     """Task, variation and plan of a candidate; episodes are divided equally among those of a task."""
-    is_drawn, spec = settings.plans == "several", get_task(key.task).spec
-    plan = drawn_plan(spec, settings.split, key.seed, settings.setting) if is_drawn else 0
-    return key.task, key.variation, plan
+    return key.task, key.variation, key.plan

@@ -42,7 +42,7 @@ class GenerationSettings(Record):
         repo_id: LeRobot's name of the dataset.
         perturb: what is perturbed, `AXIS:LEVEL,...`; empty for nominal episodes.
         setting: of the episodes.
-        plans: "several" for demonstrations by each of a task's plans equally often; see `lerobot_env_bimanual.experts.plans`.
+        plans: "several" for demonstrations of the same scenes by each of a task's plans; see `lerobot_env_bimanual.experts.plans`.
 
     Raises:
         BimanualError: a task or variation does not exist; the message lists the choices.

@@ -47,7 +47,7 @@ def record_shard(job: Job) -> int:
             writers: list[ViewWriter] = []
             for candidate in shard.candidates:
                 try:
-                    how = settings.discretise, settings.plans == "several"
+                    how = settings.discretise, None if settings.plans == "one" else candidate.plan
                     outcome, episode = recorder.record(
                         candidate.task, options, candidate.seed, candidate.variation, *how
                     )

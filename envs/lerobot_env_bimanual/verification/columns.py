@@ -10,7 +10,7 @@ import numpy as np
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
-from lerobot_bimanual.episode import Demonstration, EpisodeMeta
+from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.experts.recorder import Recorder, recording_options
 from lerobot_env_bimanual.options import STANDARD
@@ -29,22 +29,25 @@ class Player:
         self._recorder = Recorder()
         self._last: tuple[object, Demonstration] | None = None
 
-    def play(self, dataset: RecordedDataset, meta: EpisodeMeta, image_size: tuple[int, int]) -> Demonstration:
+    def play(
+        self, dataset: RecordedDataset, stored: RecordedEpisode, image_size: tuple[int, int]
+    ) -> Demonstration:
         """The episode, recorded again; its images can be asked for until another one is played.
 
         Args:
             dataset: whose cameras and rounding of keyposes are taken.
-            meta: which episode.
+            stored: an episode of it.
             image_size: (height, width) of new images in pixels.
 
         Raises:
             BimanualError: it cannot be played, or is not solved.
         """
+        meta, plans = stored.meta, stored.columns.get(feature_table.PLAN)
         world = setting(dataset, "perturb", ""), setting(dataset, "setting", STANDARD)
         options = recording_options(meta.split, dataset.cameras, image_size, *world)
         voxels = setting(dataset, "discretise", 0)
-        has_several_plans = feature_table.PLAN in dataset.info["features"]
-        which = meta.task, options, meta.seed, meta.variation, voxels, has_several_plans
+        plan = None if plans is None else int(plans[0])
+        which = meta.task, options, meta.seed, meta.variation, voxels, plan
         if self._last is None or self._last[0] != which:
             self._last = None  # its images are lost now
             outcome, episode = self._recorder.record(*which)

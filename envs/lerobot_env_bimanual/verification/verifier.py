@@ -87,7 +87,7 @@ class Verifier:
         if self._thoroughness.simulate:
             with faults.of("replay") as found:
                 height, width, _ = next(iter(self._reader.shapes.values()))
-                played = self._player.play(self._dataset, episode.meta, (height, width))
+                played = self._player.play(self._dataset, episode, (height, width))
                 found += check_replay(self._dataset, episode, played)
         with faults.of("images"):
             self._check_images(episode, played, faults)
