@@ -111,7 +111,7 @@ def test_the_page_of_compatibility_states_the_declared_ranges() -> None:
     stated = dict(re.findall(r"^\| `([\w-]+)` \| `([^`]+)` \|", page, re.MULTILINE))
     declared = {
         name: {str(found.specifier) for found in REQUIREMENTS if found.name.lower() == name}
-        for name in ("lerobot", "mujoco", "gymnasium", "torch", "transformers", "numpy", "av")
+        for name in ("lerobot", "mujoco", "gymnasium", "torch", "transformers", "wordllama", "numpy", "av")
     }
     assert {name: {range_} for name, range_ in stated.items()} == declared
 

@@ -56,7 +56,7 @@ def test_config_survives_saving(tmp_path):
         ({"translation_head": "factorised", "projection_dilations": (0,)}, BadConfig, "numbers from 1"),
         ({"language_filters": True}, BadConfig, "translation_head=factorised"),
         ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
-        ({"language_encoder": "bert"}, InvalidChoice, "learned, clip:"),
+        ({"language_encoder": "bert"}, InvalidChoice, "learned, wordllama, clip:"),
         ({"cameras": ("overhead",)}, InvalidChoice, "left_shoulder"),
         ({"cameras": ()}, BadConfig, "at least one camera"),
         ({"cameras": ("front", "front")}, BadConfig, "none twice"),

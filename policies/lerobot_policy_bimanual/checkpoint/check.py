@@ -30,7 +30,7 @@ from lerobot_policy_bimanual.checkpoint.steps import (
     step_names,
 )
 from lerobot_policy_bimanual.errors import CheckpointError
-from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, SELF_CONTAINED, KeyposePolicyConfig
 
 SAFE_POLICIES = {"act", "diffusion", "tdmpc", "vqbet"}
 """Policies of LeRobot that load nothing by name, but weights of torchvision's ResNets."""
@@ -102,7 +102,7 @@ def read_config(folder: Path) -> PreTrainedConfig:
         raise CheckpointError(f"{file}: {plain(' '.join(str(error.__cause__ or error).split()))}") from error
     if config.use_peft:
         raise CheckpointError(f"{file}: use_peft is true, but adapters cannot be checked")
-    if encoder != LEARNED_LANGUAGE:
+    if encoder not in SELF_CONTAINED:
         raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text({"language_encoder": encoder}))
     return config
 

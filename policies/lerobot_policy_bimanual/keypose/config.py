@@ -16,6 +16,9 @@ from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, number
 
 LEARNED_LANGUAGE = "learned"
+WORDLLAMA = "wordllama"
+SELF_CONTAINED = (LEARNED_LANGUAGE, WORDLLAMA)
+"""Encoders that load no file but one of an installed package."""
 CLIP_PREFIX = "clip:"
 
 SCHEDULE_STEPS = 1_000_000
@@ -65,7 +68,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # Dropout of attention weights.
     attention_dropout: float = number(0.1, 0, 0.9)
 
-    # `learned`, trained with the policy, or `clip:<local path or hub id>` for the paper's frozen CLIP tokens.
+    # `learned`, trained with the policy, `wordllama` on frozen vectors of words, or `clip:<local path or hub id>` for the
+    # paper's frozen CLIP tokens.
     language_encoder: str = LEARNED_LANGUAGE
     # Tokens per instruction (CLIP: 77).
     language_tokens: int = number(77, 1, 1024)
@@ -122,8 +126,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
         super().__post_init__()
         check_fields(self)
         encoder = self.language_encoder
-        if encoder != LEARNED_LANGUAGE and not str(encoder).startswith(CLIP_PREFIX):
-            allowed = (LEARNED_LANGUAGE, f"{CLIP_PREFIX}<local path or hub id>")
+        if encoder not in SELF_CONTAINED and not str(encoder).startswith(CLIP_PREFIX):
+            allowed = (*SELF_CONTAINED, f"{CLIP_PREFIX}<local path or hub id>")
             raise InvalidChoice("language_encoder", encoder, allowed)
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:

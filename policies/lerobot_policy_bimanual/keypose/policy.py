@@ -17,7 +17,12 @@ from lerobot_bimanual.dataset.schema import ACTION
 from lerobot_bimanual.errors import InvalidChoice, plain
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
-from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.config import (
+    CLIP_PREFIX,
+    LEARNED_LANGUAGE,
+    WORDLLAMA,
+    KeyposePolicyConfig,
+)
 from lerobot_policy_bimanual.keypose.dataset_fit import check_label, compare_with_checkpoint, fit_config
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.keypose.observation import Observation, observe, with_calibration
@@ -220,8 +225,12 @@ class KeyposePolicy(PreTrainedPolicy):
 
 def _make_language(config: KeyposePolicyConfig) -> nn.Module:
     sizes = {"tokens": config.language_tokens, "dim": config.language_dim}
-    if not config.language_encoder.startswith(CLIP_PREFIX):
+    if config.language_encoder == LEARNED_LANGUAGE:
         return LearnedLanguage(**sizes)
+    if config.language_encoder == WORDLLAMA:
+        from lerobot_policy_bimanual.nn.wordllama import WordllamaLanguage
+
+        return WordllamaLanguage(**sizes)
     from lerobot_policy_bimanual.nn.clip import clip_language  # for the configs that ask for it
 
     return clip_language(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)

@@ -1,4 +1,4 @@
-"""The language encoder that is trained with the policy; `clip` has the paper's."""
+"""The language encoder that is trained with the policy; `clip` has the paper's, `wordllama` words of a package."""
 
 import re
 import zlib
@@ -30,23 +30,34 @@ class LearnedLanguage(nn.Module):
 
     def __init__(self, *, tokens: int, dim: int):
         super().__init__()
-        self.words = nn.Embedding(BUCKETS, WORD_DIM)
-        self.positions = nn.Parameter(torch.randn(MAX_WORDS, WORD_DIM))
+        self._add_words()
         self.queries = nn.Parameter(torch.randn(tokens, WORD_DIM))
         self.read = Attention(WORD_DIM, context_dim=WORD_DIM, heads=4, head_dim=WORD_DIM // 4)
         self.feed_forward = FeedForward(WORD_DIM, 2)
         self.out = nn.Linear(WORD_DIM, dim)
 
+    def _add_words(self) -> None:
+        """Add what `_ids` and `_words` need."""
+        self.words = nn.Embedding(BUCKETS, WORD_DIM)
+        self.positions = nn.Parameter(torch.randn(MAX_WORDS, WORD_DIM))
+
+    def _ids(self, instruction: str) -> list[int]:
+        """Slots of an instruction's words, after a start symbol."""
+        return word_ids(instruction)
+
+    def _words(self, ids: Tensor) -> Tensor:
+        """Slots (b, n) -> what the queries read (b, n, WORD_DIM)."""
+        return self.words(ids) + self.positions[: ids.shape[1]]
+
     def forward(self, instructions: list[str]) -> Tensor:
         """Instructions -> (b, tokens, dim)."""
         device = self.queries.device
-        ids = [word_ids(instruction) for instruction in instructions]
+        ids = [self._ids(instruction) for instruction in instructions]
         longest = max(len(row) for row in ids)
         padded = torch.tensor([row + [START] * (longest - len(row)) for row in ids], device=device)
         present = torch.arange(longest, device=device) < torch.tensor(
             [len(row) for row in ids], device=device
         ).unsqueeze(1)
-        words = self.words(padded) + self.positions[:longest]
         queries = self.queries.expand(len(ids), -1, -1)
-        hidden = queries + self.read(queries, words, present)
+        hidden = queries + self.read(queries, self._words(padded), present)
         return self.out(hidden + self.feed_forward(hidden))
