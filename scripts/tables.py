@@ -9,22 +9,21 @@ from typing import Any
 import pandas as pd
 
 from lerobot_bimanual.pages import markdown_table
-from lerobot_bimanual.reports.benchmark_page import ABSENT, mean_rate, read_results, results_table
-from lerobot_bimanual.results.episode import success_rate
+from lerobot_bimanual.reports.benchmark_page import ABSENT, board_table, read_results, results_table
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.reports.expert_tables import PAPER
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 ROOT = Path(__file__).parents[1]
 LEADERBOARD = ROOT / "results/leaderboard"
-COLUMNS = {
+POLICIES = {
     "act": "ACT",
     "rvt_lf": "RVT-LF",
     "peract_independent": "independent",
     "peract_lf": "PerAct-LF",
     "peract2": "PerAct2",
 }
-"""Policies of the README's table, and their names in it."""
+"""Policies of the paper's table, and their names in it."""
 NO_RESULTS = "No policy has been scored in the present world yet."
 BEGIN, END = "<!-- {}: written by scripts/tables.py -->\n", "<!-- end of {} -->\n"
 
@@ -45,52 +44,28 @@ def with_table(page: str, name: str) -> str:
 
 
 def _results() -> str:
-    """Percent of episodes solved, a column per protocol and policy; means have their interval."""
+    """Means over tasks, a line per policy and a column per protocol; lines without any are left out."""
     if not LEADERBOARD.is_dir():
         return NO_RESULTS
-    table: Any = results_table(read_results(LEADERBOARD).values())
-    tasks, columns = sorted({*table.task}), {}
-    for protocol, lines in table.groupby("protocol", observed=True):
-        scored = {name: lines[lines.policy == policy] for policy, name in COLUMNS.items()}
-        once = lines[lines.policy.isin(COLUMNS)].drop_duplicates("task").dropna(subset="open_loop")
-        scored["open loop"] = once.assign(rate=once.open_loop)
-        for name, own in scored.items():
-            if len(own):
-                columns[f"{name}, {protocol}"] = _column(own, lines.task.nunique())
-    rows = [
-        ["task", *columns],
-        ["---", *["--:"] * len(columns)],
-        *([task, *(column.get(task, ABSENT) for column in columns.values())] for task in (*tasks, "mean")),
-    ]
-    return "\n".join(f"|{'|'.join(line)}|" for line in rows)  # without the padding of `markdown_table`
-
-
-def _column(lines: Any, tasks: int) -> dict[str, str]:
-    """Percent by task; the mean, with its interval, if there are all tasks."""
-    means = {task: mean_rate(own.task, own.rate) for task, own in lines.groupby("task")}
-    percents = {task: f"{100 * mean:.0f}" for task, (mean, *_) in means.items()}
-    if len(means) == tasks:
-        percents["mean"] = "{:.0f} ({:.0f}-{:.0f})".format(
-            *(100 * each for each in mean_rate(lines.task, lines.rate))
-        )
-    return percents
+    board = board_table(results_table(read_results(LEADERBOARD).values()))
+    scored = board[board.drop(columns="policy").ne(ABSENT).any(axis=1)]
+    rows = [[*board], ["---"] * len(board.columns), *scored.values.tolist()]
+    return "\n".join(f"|{'|'.join(row)}|" for row in rows)  # without the padding of `markdown_table`
 
 
 def _beside_the_paper() -> str:
-    """Percent of episodes that the paper's policies solved, and the one network of all tasks here, and means over tasks."""
+    """Percent of episodes that the paper's policies solved, and those here by the protocol `standard`, and means over tasks."""
     if not LEADERBOARD.is_dir():
         return NO_RESULTS
-    paper = pd.DataFrame({task: row["solved_percent"] for task, row in PAPER.items()}).T.rename(
-        columns=COLUMNS
-    )
-    here = {
-        result.eval_key: 100 * success_rate(result.episodes).rate
-        for result in read_results(LEADERBOARD).values()
-        if result.policy_id == "peract2_on_all"
-    }
-    paper["here: one for all"] = pd.Series(here)
-    paper.loc["mean"] = paper.mean()
-    return markdown_table(paper.map("{:.3g}".format).rename_axis("task").reset_index())
+    solved = pd.DataFrame({task: row["solved_percent"] for task, row in PAPER.items()}).T
+    solved = solved.rename(columns=POLICIES)
+    table: Any = results_table(read_results(LEADERBOARD).values())
+    for policy, lines in table[table.protocol == "standard"].groupby("policy"):
+        if {*lines.task} == {*solved.index}:
+            percent = lines.rate.map(lambda rate: 100 * rate.rate)
+            solved[f"here: {POLICIES[policy]}"] = percent.groupby(lines.task).mean()
+    solved.loc["mean"] = solved.mean()
+    return markdown_table(solved.map("{:.3g}".format).rename_axis("task").reset_index())
 
 
 def _tasks() -> str:

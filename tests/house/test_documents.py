@@ -106,9 +106,9 @@ def test_the_table_of_the_readme_has_the_policies_that_were_scored(tmp_path: Pat
     ):
         put(tmp_path / "results/leaderboard", variant(config={"policy": policy, "task": task}))
     assert of_readme().splitlines() == [
-        "|task|ACT, own|PerAct2, own|open loop, own|",
-        "|---|--:|--:|--:|",
-        "|lift_ball|50|50|25|",
-        "|push_box|–|50|25|",
-        "|mean|–|50 (22-78)|25 (7-59)|",
+        "|policy|`own`, 2|",
+        "|---|---|",
+        "|`peract2`|50.0% (22% to 78%)|",
+        "|expert|100.0% (68% to 100%)|",
+        "|open loop|25.0% (7% to 59%)|",
     ]
