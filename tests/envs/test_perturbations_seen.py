@@ -21,7 +21,7 @@ from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 TASK = "dual_push_buttons"
 SEED = 7
 SEEN = tuple(name for name in AXES.names if AXES.get(name).changes_only_observations)
-SAID = ("instruction",)
+SAID = ("instruction", "sentences")
 SHOWN = tuple(name for name in SEEN if name not in SAID)
 ALL_AT_3 = ",".join(f"{name}:3" for name in SEEN)
 
@@ -223,5 +223,7 @@ def test_paraphrases_are_distinct_and_new_and_name_what_every_instruction_names(
         assert len({sentence.lower().strip(" .?!") for sentence in [*nominal, *sentences]}) == len(
             [*nominal, *sentences]
         )
+        verbs = {template.split()[0] for template in paraphrases()[task]["1"]}
+        assert not verbs.intersection(" ".join(paraphrases()[task]["training"]).split())
         needed = [word for word in variation.words.values() if all(word in text for text in nominal)]
         assert all(word in sentence for word in needed for sentence in sentences)

@@ -1,4 +1,4 @@
-"""Axes that change how the scene looks, and how the task is said: `light`, `object_colour`, `surfaces`, `instruction`."""
+"""Axes that change how the scene looks, and how the task is said: `light`, ..., `instruction`, `sentences`."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ TINT = 0.9
 """Share of the way from a surface's own colour to a drawn one, at magnitude 1."""
 
 type Templates = Mapping[str, Sequence[str]]
-"""Sentences by level "1" to "3"; like a task's instructions they are filled with the words of the variation."""
+"""Sentences by level "1" to "3", and for "training"; like a task's instructions they are filled with the words of the variation."""
 type Pattern = Callable[[NDArray, NDArray], NDArray]
 """Darkness (0..1) of pixels; rows and columns go from 0 to 1. Each pattern repeats without a seam."""
 
@@ -215,9 +215,20 @@ def _has_paraphrases(task: TaskSpec, model: mujoco.MjSpec) -> bool:
 
 def _paraphrase(start: Start) -> None:
     """Draw one of the level's sentences."""
-    templates = paraphrases()[start.task.spec.name][str(int(start.magnitude))]
+    _say_one(start, paraphrases()[start.task.spec.name][str(int(start.magnitude))])
+
+
+def _vary_sentences(start: Start) -> None:
+    """Draw one of the first sentences: the task's own, then those for training."""
+    spec = start.task.spec
+    templates = (*spec.instructions, *paraphrases()[spec.name]["training"])
+    _say_one(start, templates[: int(start.magnitude)])
+
+
+def _say_one(start: Start, templates: Sequence[str]) -> None:
     template = templates[int(start.rng.integers(len(templates)))]
     start.progress.instruction = template.format(**start.progress.variation.words)
 
 
 register(Axis(**data("instruction"), applies_to=_has_paraphrases, begin=_paraphrase))
+register(Axis(**data("sentences"), applies_to=_has_paraphrases, begin=_vary_sentences))

@@ -189,7 +189,7 @@ class KeptEpisodes:
         trained = self._evaluation.trained_worlds.get(self._task, world)
         if trained != world and not self._options.perturb:
             logger.warning(
-                f"the policy learned {self._task} in world {trained}, and is evaluated in {world}: another setting, or another "
+                f"the policy learned {self._task} in world {trained}, and is evaluated in {world}: another setting, perturbation or "
                 "version of the task, in which it may fail for no fault of its own; train it on demonstrations made here"
             )
         return EvaluationHead(

@@ -27,6 +27,8 @@ class WordllamaLanguage(LearnedLanguage):
         BadConfig: the package is missing, or its files cannot be read.
     """
 
+    _vectors: Tensor
+
     def _add_words(self) -> None:
         try:
             from safetensors.torch import load_file
@@ -50,7 +52,7 @@ class WordllamaLanguage(LearnedLanguage):
         return self._tokenizer.encode(text).ids[:MAX_WORDS]
 
     def _words(self, ids: Tensor) -> Tensor:
-        vectors = F.embedding(ids, self._vectors).float()  # pyright: ignore[reportArgumentType]
+        vectors = F.embedding(ids, self._vectors).float()
         return self.project(F.layer_norm(vectors, vectors.shape[-1:]))
 
 
