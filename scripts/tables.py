@@ -64,7 +64,7 @@ def _beside_the_paper() -> str:
     for policy, lines in table[table.protocol == "standard"].groupby("policy"):
         if {*lines.task} == {*solved.index}:
             percent = lines.rate.map(lambda rate: 100 * rate.rate)
-            solved[f"here: {POLICIES[policy]}"] = percent.groupby(lines.task).mean()
+            solved[f"here: {POLICIES.get(policy, policy)}"] = percent.groupby(lines.task).mean()
     solved.loc["mean"] = solved.mean()
     return markdown_table(solved.map("{:.3g}".format).rename_axis("task").reset_index())
 

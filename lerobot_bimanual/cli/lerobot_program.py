@@ -80,8 +80,10 @@ def run_program(
                     )
             check(values)
             print(f"{program}: importing LeRobot", file=sys.stderr)
-        own = (TRUST_FLAG, f"--{KEEP_FLAG}=")
-        sys.argv = [sys.argv[0], *(word for word in words if not word.startswith(own))]
+        keep = f"--{KEEP_FLAG}"
+        pairs = zip(words, ["", *words], strict=False)
+        ours = [word.startswith((TRUST_FLAG, keep)) or last == keep for word, last in pairs]
+        sys.argv[1:] = [word for word, is_ours in zip(words, ours, strict=True) if not is_ours]
         if "help" in values:
             work(values)
             return 0

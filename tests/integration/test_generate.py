@@ -166,17 +166,10 @@ def test_variations_take_turns_and_a_failed_seed_is_replaced_by_its_next_one(tmp
 def test_each_plan_is_demonstrated_in_the_same_scenes_whatever_seeds_are_skipped(tmp_path, small_generation):
     config = small_generation(tmp_path / "plans", task="dual_push_buttons", episodes=20, plans="several")
     skipped = {seed for seed in range(60) if seed % 3}
-    settings, reports = settings_of(config), []
-    while shards := next_round(settings, reports):
-        for shard in shards:
-            failed = [key for key in shard.candidates if key.seed in skipped]
-            solved = tuple(key for key in shard.candidates if key not in failed)
-            reasons = (SkippedSeed(**key.model_dump(), reason="slipped") for key in failed)
-            reports.append(ShardReport(episodes=solved, skipped=tuple(reasons)))
-    kept = [(key.variation, key.seed, key.plan) for report in reports for key in report.episodes]
-    scenes = {key[:2] for key in kept}
-    assert Counter(variation for variation, _ in scenes) == dict.fromkeys(range(5), 2)
-    assert Counter(kept) == Counter((*scene, plan) for scene in scenes for plan in range(2))
+    candidates = [key for shards in planned(config, skipped) for _, keys in shards for key in keys]
+    scenes = Counter((seed, variation) for seed, variation in candidates if seed not in skipped)
+    assert {*scenes.values()} == {2}  # by each of the plans
+    assert Counter(variation for _, variation in scenes) == dict.fromkeys(range(5), 2)
 
 
 def test_skipped_seeds_are_listed_with_reasons(tmp_path, small_generation, records_here, monkeypatch, capsys):

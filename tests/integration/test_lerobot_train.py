@@ -137,7 +137,7 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
         (
             "lerobot-bimanual-train",
             ["--policy.attention_dropout=0.5", "--policy.augmentation=true"],
-            ["--keep_last=1"],
+            ["--keep_last", "1"],
             ["000004", "last"],
         ),
     ],

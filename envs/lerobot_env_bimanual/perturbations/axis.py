@@ -21,7 +21,7 @@ type Image = tuple[NDArray[np.uint8], NDArray[np.float32]]
 type Action = NDArray[np.float32]
 """Joint action (16,)."""
 
-type Group = Literal["seen", "clutter", "bodies", "arms", "words", "time"]
+type Group = Literal["seen", "clutter", "bodies", "arms", "words", "time", "training"]
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Axis[Memory]:
     @property
     def changes_only_observations(self) -> bool:
         """Whether it changes only what is seen and said, and so no state."""
-        return self.group in ("seen", "words")
+        return self.group in ("seen", "words", "training")
 
 
 def data(name: str) -> dict[str, Any]:

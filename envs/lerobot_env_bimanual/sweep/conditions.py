@@ -81,7 +81,7 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
 
     Args:
         task: its name.
-        axes: names of axes; all that apply if none is given.
+        axes: names of axes; all that apply if none is given, but those for training.
         levels: 1 to 3.
 
     Raises:
@@ -93,7 +93,8 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
     for level in levels or [""]:
         if level not in LEVELS:
             raise InvalidChoice("levels", level, map(str, LEVELS))
-    chosen = [AXES.get(name) for name in sorted(set(axes))] or [*AXES.all().values()]
+    tests = [axis for axis in AXES.all().values() if axis.group != "training"]
+    chosen = [AXES.get(name) for name in sorted(set(axes))] or tests
     model = build_spec(spec.props, PANDA_PAIR)
     applicable = [axis for axis in chosen if axis.applies_to(spec, model)]
     if not applicable:
