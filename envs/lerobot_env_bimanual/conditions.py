@@ -10,6 +10,7 @@ the episode remembers what was found.
 from __future__ import annotations
 
 import functools
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
@@ -285,7 +286,7 @@ class Aligned(Condition):
     def __call__(self, view: SceneView) -> bool:
         """Compare the horizontal directions of their x axes."""
         (x, y), (target_x, target_y) = (view.pose(body).rotation[:2, 0] for body in (self.prop, self.target))
-        angle_rad = np.arctan2(target_x * y - target_y * x, target_x * x + target_y * y)
+        angle_rad = math.atan2(target_x * y - target_y * x, target_x * x + target_y * y)
         return bool(abs(angle_rad) <= np.deg2rad(self.tolerance_deg))
 
 

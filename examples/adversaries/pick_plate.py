@@ -1,5 +1,6 @@
 """Pick up the plate, alone: push it over the table's edge, and pinch what hangs over."""
 
+import math
 from collections.abc import Iterator
 from functools import partial
 
@@ -51,7 +52,7 @@ def _alone(env: BimanualEnv, arm: Arm, roll: int) -> Moves:
     yield from hand.line(back.translated((0, 0, 0.02)))
     yield from hand.line(back.translated((0.1, 0, 0.18)), 0.8)
     x, y, _ = scene.pose("plate").position
-    height_m = TABLE_HEIGHT_M + PLATE.height_m - INSIDE_RIM_M * np.tan(RIM_SLOPE_RAD)
+    height_m = TABLE_HEIGHT_M + PLATE.height_m - INSIDE_RIM_M * math.tan(RIM_SLOPE_RAD)
     away = -1.0 if arm is Arm.RIGHT else 1.0
     normal = (0, np.sin(RIM_SLOPE_RAD), np.cos(RIM_SLOPE_RAD))
     grasp = Pose.looking((x, y - PLATE.radius_m + INSIDE_RIM_M, height_m), (away, 0, 0), normal)

@@ -1,5 +1,6 @@
 """Push the box, alone: now at one end, now at the other, so that it turns to and fro on its way."""
 
+import math
 from collections.abc import Iterator
 from functools import partial
 
@@ -50,7 +51,7 @@ def _alone(env: BimanualEnv, arm: Arm, ends_m: tuple[float, float], swing_deg: f
     def heading_deg() -> float:
         """By how much the box has to turn to point to the target."""
         aside, ahead = way()
-        return float(np.rad2deg(np.arctan2(-aside, max(ahead, 0.25))))
+        return float(np.rad2deg(math.atan2(-aside, max(ahead, 0.25))))
 
     end = ends_m[int(heading_deg() > 0)]
     yield from hand.grip(0.0, 1)

@@ -1,5 +1,6 @@
 """Put the bottle into the fridge, alone: drag the door ajar with the hand that has the bottle, hook it, and slip in."""
 
+import math
 from collections.abc import Iterator
 from functools import partial
 from itertools import product
@@ -31,7 +32,7 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterator:
 def _alone(env: BimanualEnv, arm: Arm, press_m: float, out_m: float, height_m: float) -> Moves:
     hand, scene = Hand(env, arm), env.scene
     fridge, bottle = scene.pose("fridge"), scene.pose("bottle").position
-    yaw_rad = np.arctan2(*fridge.rotation[1::-1, 0])
+    yaw_rad = math.atan2(*fridge.rotation[1::-1, 0])
 
     def pointing(position, yaw: float) -> Pose:
         ahead = np.cos(PITCH_RAD) * heading(yaw) - (0, 0, np.sin(PITCH_RAD))

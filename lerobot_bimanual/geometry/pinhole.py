@@ -4,13 +4,15 @@ Camera frames follow OpenCV: x right, y down, z forward. Pixel (row i, column j)
 coordinates (j + 0.5, i + 0.5).
 """
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
 def intrinsics_from_fovy(fovy_rad: float, height: int, width: int) -> NDArray[np.float64]:
     """Pinhole matrix (3, 3) in pixels of a camera with square pixels and a vertical field of view."""
-    focal = 0.5 * height / np.tan(fovy_rad / 2)
+    focal = 0.5 * height / math.tan(fovy_rad / 2)
     return np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
 
 

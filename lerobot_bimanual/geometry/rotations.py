@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 # Below this cosine of the pitch the first and third Euler angles describe the same turn (6e-5 deg from 90 deg).
 SINGULAR_COSINE = 1e-6
 
+# The C library's: NumPy's own differs between processors in the last bit.
+_arctan2 = np.vectorize(math.atan2, otypes=[np.float64])
+
 
 def quat_wxyz_canonical(quat_wxyz: ArrayLike) -> Array:
     """Unit quaternion with w >= 0, so that equal rotations have equal numbers; shape (..., 4).
@@ -91,10 +94,10 @@ def quat_wxyz_to_euler_xyz(quat_wxyz: ArrayLike) -> Array:
     """
     m = quat_wxyz_to_matrix(quat_wxyz)
     cosine = np.hypot(m[..., 0, 0], m[..., 1, 0])
-    pitch = np.arctan2(-m[..., 2, 0], cosine)
+    pitch = _arctan2(-m[..., 2, 0], cosine)
     singular = cosine < SINGULAR_COSINE
-    roll = np.where(singular, np.arctan2(-m[..., 1, 2], m[..., 1, 1]), np.arctan2(m[..., 2, 1], m[..., 2, 2]))
-    yaw = np.where(singular, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
+    roll = np.where(singular, _arctan2(-m[..., 1, 2], m[..., 1, 1]), _arctan2(m[..., 2, 1], m[..., 2, 2]))
+    yaw = np.where(singular, 0.0, _arctan2(m[..., 1, 0], m[..., 0, 0]))
     return np.stack([roll, pitch, yaw], axis=-1)
 
 
@@ -139,7 +142,7 @@ def quat_wxyz_to_rotation_vector(quat_wxyz: ArrayLike) -> Array:
         scale = 2 * math.atan2(length, w) / length if length > 1e-12 else 2.0
         return np.array((scale * x, scale * y, scale * z))
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    angle = 2 * np.arctan2(sine, q[..., :1])
+    angle = 2 * _arctan2(sine, q[..., :1])
     # angle / sine tends to 2 as the rotation vanishes.
     return q[..., 1:] * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
 

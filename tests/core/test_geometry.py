@@ -1,5 +1,6 @@
 """Axioms of poses, boxes, rotations and pinhole cameras, and agreement of the torch twins."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -138,7 +139,7 @@ def random_depth(seed: int = 0) -> np.ndarray:
 
 
 def test_field_of_view_spans_the_image_height():
-    top, bottom = ([0.0, y, 1.0] for y in (-np.tan(np.deg2rad(30)), np.tan(np.deg2rad(30))))
+    top, bottom = ([0.0, y, 1.0] for y in (-math.tan(np.deg2rad(30)), math.tan(np.deg2rad(30))))
     rows = pinhole.project(np.array([top, bottom]), INTRINSICS, np.eye(4))[:, 1]
     np.testing.assert_allclose(rows, [0.0, HEIGHT], atol=1e-9)
 

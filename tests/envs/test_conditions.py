@@ -1,5 +1,6 @@
 """Each condition on a scene made by hand, on both sides of its limit, and where props are placed."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import product
@@ -159,7 +160,7 @@ def test_samples_fill_the_area_and_stand_upright():
     rng = np.random.default_rng(0)
     poses = [AREA_WITH_YAW.sample(rng, height_m=0.8) for _ in range(500)]
     rotations = np.array([pose.rotation for pose in poses])
-    yaw = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0])
+    yaw = [math.atan2(m[1, 0], m[0, 0]) for m in rotations]
     offsets = np.column_stack([[pose.position for pose in poses] - np.array((0.2, -0.1, 0.8)), yaw])
     assert np.abs(offsets).max(axis=0) == pytest.approx((0.1, 0.3, 0.0, 0.5), abs=0.01)
     assert (np.abs(offsets) <= (0.1, 0.3, 1e-12, 0.5)).all()

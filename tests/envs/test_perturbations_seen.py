@@ -2,6 +2,7 @@
 
 import hashlib
 import itertools
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -182,10 +183,10 @@ def test_holes_are_beside_edges_on_dark_and_on_slanted_surfaces_and_nowhere_else
     holes = depth_of(GREY, flat) == 0
     assert set(np.flatnonzero(holes.any(axis=0)) + width) == set(range(128, 128 + width))
     # A plane at a slant s to the line of sight: depth z with 1 / z linear in the image's rows.
-    focal = 128 / np.tan(np.deg2rad(22.5))
+    focal = 128 / math.tan(np.deg2rad(22.5))
     for slant_deg, is_lost in ((90 - 30 * share - 4, False), (90 - 30 * share + 4, True)):
         rows = np.arange(256)[:, None] - 127.5
-        plane = np.repeat(1 / (1 - rows * np.tan(np.deg2rad(slant_deg)) / focal), 256, axis=1)
+        plane = np.repeat(1 / (1 - rows * math.tan(np.deg2rad(slant_deg)) / focal), 256, axis=1)
         assert (depth_of(GREY, np.where(plane > 0, plane, 1))[128] == 0).all() == is_lost
 
 

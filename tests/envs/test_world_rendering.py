@@ -1,6 +1,7 @@
 """What cameras see of the world, and where it is drawn."""
 
 import hashlib
+import math
 import os
 import re
 import subprocess
@@ -126,7 +127,7 @@ def test_a_film_holds_what_moves_and_shows_it_larger(camera):
     assert view["cam_fovy"][index] < 0.9 * scene.model.cam_fovy[index]
     with applied(scene.model, scene.data, view):
         axes, eye = scene.data.cam_xmat[index].reshape(3, 3).copy(), scene.data.cam_xpos[index].copy()
-    half = np.tan(np.deg2rad(view["cam_fovy"][index]) / 2)
+    half = math.tan(np.deg2rad(view["cam_fovy"][index]) / 2)
     for state in states:
         scene.restore_state(state)
         right, up, back = (scene.pose("item").position - eye) @ axes

@@ -236,7 +236,7 @@ class Layout:
         parts = (
             self.positions_m - other.positions_m,
             self.sizes_m - other.sizes_m,
-            2 * METRES_PER_RAD * np.arccos(cosines),
+            2 * METRES_PER_RAD * np.arccos(cosines),  # noqa: TID251 (it is only compared)
         )
         return float(np.sqrt(sum(np.square(part).sum() for part in parts)))
 

@@ -109,10 +109,10 @@ def _add_depth_noise(moment: Moment, camera: str, image: Image) -> Image:
 def _note_slopes(start: Start[dict[str, float]]) -> None:
     """Note the largest measured change of depth from one pixel to the next, per m of depth and image height."""
     model = start.scene.model
-    steepest = np.tan(np.deg2rad(MAX_SLANT_DEG - LOST_SLANT_DEG * start.magnitude))
+    steepest = math.tan(math.radians(MAX_SLANT_DEG - LOST_SLANT_DEG * start.magnitude))
     start.remember(
         {
-            camera: float(steepest * 2 * np.tan(np.deg2rad(model.camera(camera).fovy / 2)).item())
+            camera: steepest * 2 * math.tan(math.radians(model.camera(camera).fovy.item() / 2))
             for camera in CAMERA_NAMES
         }
     )

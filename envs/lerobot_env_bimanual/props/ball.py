@@ -74,7 +74,8 @@ def beach_ball_texture() -> NDArray[np.uint8]:
     faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
     direction = np.array(faces).transpose(0, 2, 3, 1)  # (6, side, side, 3)
     x, y, z = np.moveaxis(direction / np.linalg.norm(direction, axis=-1, keepdims=True), -1, 0)
-    gore = np.floor(np.arctan2(z, y) / (2 * np.pi) * len(GORE_COLORS)).astype(int) % len(GORE_COLORS)
+    turns = np.arctan2(z, y) / (2 * np.pi)  # noqa: TID251 (it is only seen)
+    gore = np.floor(turns * len(GORE_COLORS)).astype(int) % len(GORE_COLORS)
     color = np.where(np.abs(x)[..., None] > np.cos(CAP_HALF_ANGLE_RAD), CAP_COLOR, GORE_COLORS[gore])
     n, k = TEXTURE_FACE_PIXELS, SAMPLES_PER_PIXEL_SIDE
     return color.reshape(6, n, k, n, k, 3).mean(axis=(2, 4)).round().astype(np.uint8)

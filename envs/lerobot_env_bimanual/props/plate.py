@@ -1,5 +1,6 @@
 """A small dinner plate with a flared rim."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,12 +64,12 @@ class Plate:
     @property
     def rim_slope_rad(self) -> float:
         """Angle of the rim above the horizontal."""
-        return float(np.arctan2(self.height_m - WELL_Z_M, self.rim_m))
+        return math.atan2(self.height_m - WELL_Z_M, self.rim_m)
 
     @property
     def tip_rad(self) -> float:
         """Angle at which the plate, tipped over its foot, stands on the edge of its rim."""
-        return float(np.arctan2(self.height_m - THICKNESS_M / 2, self.radius_m - self.foot_radius_m))
+        return math.atan2(self.height_m - THICKNESS_M / 2, self.radius_m - self.foot_radius_m)
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the shapes that are felt and the meshes that are seen."""
@@ -91,7 +92,7 @@ class Plate:
     def _add_rim(self, body, felt: dict[str, Any]) -> None:
         """Boxes side by side around the well, sloping up to the edge."""
         run, rise = self.rim_m, self.height_m - WELL_Z_M
-        half = (np.hypot(run, rise) / 2, self.radius_m * np.tan(np.pi / RIM_PARTS), THICKNESS_M / 2)
+        half = (np.hypot(run, rise) / 2, self.radius_m * math.tan(np.pi / RIM_PARTS), THICKNESS_M / 2)
         middle_radius, middle_z = self.well_radius_m + run / 2, WELL_Z_M + rise / 2
         for angle in np.arange(RIM_PARTS) * 2 * np.pi / RIM_PARTS:
             place = (middle_radius * np.cos(angle), middle_radius * np.sin(angle), middle_z)
@@ -109,7 +110,7 @@ class Plate:
     def _profile(self) -> list[tuple[float, float]]:
         """Outline for the lathe: foot ring, underside, edge, upper side."""
         half = THICKNESS_M / 2
-        corner = half * np.tan(self.rim_slope_rad / 2)
+        corner = half * math.tan(self.rim_slope_rad / 2)
         below, above = WELL_Z_M - half, WELL_Z_M + half
         inner_foot = self.foot_radius_m - FOOT_RING_WIDTH_M
         return [

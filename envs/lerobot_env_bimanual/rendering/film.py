@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -140,7 +141,7 @@ def frame_of(
     is_thing = (np.ptp(places_m, axis=0).max(axis=1) > MOVED_M) & (scene.arm_of_body < 0)
     things_m, hands_m = places_m[:, is_thing], places_m[1:, is_hand]
     points_m = np.concatenate([things_m.reshape(-1, 3), hands_m.reshape(-1, 3)])
-    eye, half = scene.data.cam_xpos[index], np.tan(np.deg2rad(model.cam_fovy[index]) / 2)
+    eye, half = scene.data.cam_xpos[index], math.tan(math.radians(model.cam_fovy[index]) / 2)
     axes, sides = scene.data.cam_xmat[index].reshape(3, 3), []
     for _ in range(3):  # where the middle of what is seen moves to the middle of the image
         right, up, back = ((points_m - eye) @ axes).T
@@ -149,7 +150,7 @@ def frame_of(
         axes = _towards(axes @ np.array([*np.mean(sides, axis=1), -1.0]))
     wide, high = np.ptp(sides, axis=1) / 2
     fovy, quat_wxyz = model.cam_fovy.copy(), model.cam_quat.copy()
-    fovy[index] = 2 * np.rad2deg(np.arctan(min(half, max(high, wide * size[0] / size[1]))))
+    fovy[index] = 2 * math.degrees(math.atan(min(half, max(high, wide * size[0] / size[1]))))
     quat_wxyz[index] = matrix_to_quat_wxyz(axes)
     return {"cam_fovy": fovy, "cam_quat": quat_wxyz}
 

@@ -7,6 +7,7 @@ singularity of the Euler angles.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -99,7 +100,7 @@ def exchange_m(item: Pose) -> np.ndarray:
     """(3,) where an item's centre is presented: over its side of the table, at a height that follows from its own and its yaw."""
     along = grasp_axis(item)
     offset_m = item.position - (*AREA_CENTER_M, TABLE_HEIGHT_M)
-    lifted_m = YAW_LIFTS_M_RAD * np.arctan2(along[1], along[0])
+    lifted_m = YAW_LIFTS_M_RAD * math.atan2(along[1], along[0])
     return EXCHANGE_M + EXCHANGE_SHARE * offset_m + (0, 0, lifted_m)
 
 

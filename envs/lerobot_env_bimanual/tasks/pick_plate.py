@@ -18,6 +18,7 @@ up to 8 cm, and the fingers reach its rim only between two walls, which forgive 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -107,7 +108,7 @@ class PickPlate(Task):
         """Plate flat on the table; nothing shows its yaw, so its x axis may tell which way the task is done."""
         plate = (VARIED_AREA if scene.is_varied else AREA).sample(rng, TABLE_HEIGHT_M)
         x, y, _ = scene.arm_pair.base_pose(Arm.RIGHT).position - plate.position
-        plate = Pose.upright(plate.position, np.arctan2(y, x) + ASIDE_RAD)
+        plate = Pose.upright(plate.position, math.atan2(y, x) + ASIDE_RAD)
         if scene.is_varied:
             plate = plate.translated((0, 0, rng.uniform(0, VARIED_HEIGHT_M)))
             plate @= Pose.upright((0, 0, 0), rng.uniform(-1, 1) * VARIED_YAW_RAD)

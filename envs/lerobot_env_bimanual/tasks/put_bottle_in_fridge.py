@@ -17,6 +17,7 @@ heading and height (it reaches up to 8 cm into the table). The bottle is 6 cm wi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -116,7 +117,7 @@ class PutBottleInFridge(Task):
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Fold, approach, grasp both, open the door and hold it, bring the bottle, insert, withdraw."""
         fridge, bottle = scene.pose("fridge"), scene.pose("bottle").position
-        turned_rad = np.arctan2(fridge.rotation[1, 0], fridge.rotation[0, 0]) - FRIDGE_YAW_RAD
+        turned_rad = math.atan2(fridge.rotation[1, 0], fridge.rotation[0, 0]) - FRIDGE_YAW_RAD
         bring_yaw_rad, pull_yaw_rad = BRING_YAW_RAD + turned_rad, PULL_YAW_RAD + turned_rad
         grasp = hand(np.add(bottle, (0, 0, GRASP_M)), bring_yaw_rad)
         depth, aside = RELEASE_M

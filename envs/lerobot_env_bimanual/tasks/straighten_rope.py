@@ -46,7 +46,9 @@ AREA = PlacementArea(center_m=(0.27, -0.07), half_size_m=(0.13, 0.19), half_yaw_
 # In the axes of the drawn pose: the plates lie on the y axis (decoded from RLBench's task file).
 PLATE_OFFSET_M = 0.194
 TAIL_START_M = np.array([0.0795, 0.182])
-HEAD_START_M = np.array([-0.020, -0.067])
+"""Of the head it is (-0.020, -0.067)."""
+FROM_TAIL_TO_HEAD_RAD = -1.9509564435332885
+"""A number, since NumPy's arctangent of it depends on the processor, by one bit."""
 ON_PLATE_M = ((-0.05, -0.03, -0.002), (0.05, 0.03, 0.018))
 """The box in which an end counts, in the plate's frame (PerAct2 code)."""
 
@@ -101,8 +103,7 @@ class StraightenRope(Task):
         if scene.is_varied:
             offset_m, yaw_rad = rng.uniform(-1, 1, 2) * VARIED_OFFSET_M, rng.uniform(-1, 1) * VARIED_YAW_RAD
             middle @= Pose.upright((*offset_m, 0), yaw_rad)
-        along = HEAD_START_M - TAIL_START_M
-        heading_rad = np.arctan2(along[1], along[0]) + rope.tail_heading_rad
+        heading_rad = FROM_TAIL_TO_HEAD_RAD + rope.tail_heading_rad
         laid = middle @ Pose.upright((*scale * TAIL_START_M, rope.knot_radius_m), heading_rad)
         at_rest_from_laid, joints = _at_rest(rope)
         scene.place(ROPE.name, laid @ at_rest_from_laid, joints)

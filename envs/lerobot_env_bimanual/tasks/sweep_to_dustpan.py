@@ -16,6 +16,7 @@ from behind either heap into the pan. Stands are turned, too, and brooms 33 to 3
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -147,5 +148,5 @@ def _strokes(scene: SceneView) -> Iterator[tuple[Pose, Pose]]:
         heap_m = lumps_m[side * lumps_m[:, 0] >= 0]
         x_m = abs(side) * (heap_m[:, 0].min() + heap_m[:, 0].max()) / 2
         y_m = heap_m[:, 1].max() + BEHIND_DIRT_M + BEHIND_SHARE * abs(x_m)
-        start = Pose.upright((x_m, y_m, 0.0), -np.arctan2(x_m, y_m - TOWARDS_M))
+        start = Pose.upright((x_m, y_m, 0.0), -math.atan2(x_m, y_m - TOWARDS_M))
         yield pan @ start, pan @ Pose.upright((-side * ACROSS_M, SWEEP_TO_M, 0.0))

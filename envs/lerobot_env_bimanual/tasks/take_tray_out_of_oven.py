@@ -20,6 +20,7 @@ high, so that an open hand has a centimetre to spare.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -133,7 +134,7 @@ class TakeTrayOutOfOven(Task):
         back = hand((0, 0, 0), PITCH_SHARE * DOOR_RAD[-1] + BACK_DOWN_RAD).advanced(-BACK_M).position
         yield Stage("back", right=handle(DOOR_RAD[-1]).translated(oven.rotation @ back))
         x, y, _ = grasp.position - ASIDE_M
-        aside = Pose.upright(ASIDE_M, np.arctan2(y, x)) @ hand((0, 0, 0), ASIDE_UP_RAD)
+        aside = Pose.upright(ASIDE_M, math.atan2(y, x)) @ hand((0, 0, 0), ASIDE_UP_RAD)
         yield Stage("make way", grasp.advanced(-BEFORE_TRAY_M), aside)
         yield Stage("grasp tray", left=grasp, left_open=False, left_holds="tray")
         out = grasp.translated((0, 0, LIFT_M)).advanced(-OUT_M)

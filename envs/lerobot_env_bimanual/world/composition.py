@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -217,7 +218,7 @@ def in_view(
         aspect: width of the image over its height.
         margin: factor by which more than the image counts.
     """
-    half_height = margin * np.tan(np.deg2rad(model.cam_fovy[camera]) / 2)
+    half_height = margin * math.tan(math.radians(model.cam_fovy[camera]) / 2)
     half_width = aspect * half_height
     # Of the image's sides, in MuJoCo's camera frame.
     outward = np.array([[1, 0, half_width], [-1, 0, half_width], [0, 1, half_height], [0, -1, half_height]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -108,7 +109,7 @@ def _joined(contacts: Sequence[_Contacts]) -> _Contacts:
 
 def felt(forces_n: NDArray[np.float64], before_n: NDArray[np.float64] = AT_REST_N) -> NDArray[np.float64]:
     """Forces (steps, 2, 3) through the low pass, given what was felt before, (2, 3)."""
-    share = 1 - np.exp(-2 * np.pi * FORCE_FILTER_HZ * PHYSICS_STEP_S)
+    share = 1 - math.exp(-2 * np.pi * FORCE_FILTER_HZ * PHYSICS_STEP_S)
     felt_n, now_n = np.empty_like(forces_n), before_n
     for step, force_n in enumerate(forces_n):
         now_n = now_n + share * (force_n - now_n)
