@@ -29,10 +29,10 @@ expert-reports: setup  ## Evaluate experts and baselines in both settings, and w
 	scripts/expert_reports.sh
 
 test: setup  ## Run the tests that need neither long nor a GPU (minutes)
-	$(PYTEST) -m "not slow and not gpu"
+	$(PYTEST) -m "not slow and not weekly and not gpu"
 
 test-slow: setup  ## Run only the slow tests: whole command lines, training
-	$(PYTEST) --no-loadscope-reorder -m "slow and not gpu"
+	$(PYTEST) --no-loadscope-reorder -m "slow and not weekly and not gpu"
 
 test-all: setup  ## Run every test; those for a GPU skip themselves where there is none
 	$(PYTEST)

@@ -29,5 +29,5 @@ du -sh "$venv"
 "$venv/bin/lerobot-bimanual" expert evaluate --episodes=1
 export OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1
 pytest=("$venv/bin/pytest" -q --numprocesses=auto --maxprocesses=4 --dist=loadfile)
-"${pytest[@]}" -m "not slow and not gpu" tests/core tests/policies tests/robots tests/integration
+"${pytest[@]}" -m "not slow and not weekly and not gpu" tests/core tests/policies tests/robots tests/integration
 "${pytest[@]}" -m slow tests/integration/test_{ecosystem,subtasks}.py tests/integration/test_lerobot_{eval,train,names}.py

@@ -41,7 +41,13 @@ def _seeded() -> None:
         sys.modules["torch"].manual_seed(0)
 
 
-LONG_FILES = ("test_pages", "test_lerobot_train", "test_examples", "test_results", "test_benchmark")
+LONG_FILES = (
+    "test_documented_commands",
+    "test_lerobot_train",
+    "test_examples",
+    "test_results",
+    "test_benchmark",
+)
 """Of the slow tier: minutes each, so that no worker may begin one of them when the others have nothing left to do."""
 
 

@@ -83,7 +83,7 @@ def test_images_of_every_task_are_those_of_the_whole_scene_drawn_camera_by_camer
     env.close()
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("task", list_tasks())
 def test_images_of_a_whole_episode_are_those_of_the_whole_scene(task):
     env = BimanualEnv(task, split="val", obs="state", control_mode="keypose")

@@ -8,7 +8,7 @@ from lerobot_env_bimanual.options import SETTINGS
 from lerobot_env_bimanual.tasks.registry import list_tasks
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.sim
 @pytest.mark.parametrize("setting", SETTINGS)
 @pytest.mark.parametrize("task", list_tasks())

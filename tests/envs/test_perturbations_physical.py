@@ -198,7 +198,7 @@ def test_size_changes_extents_and_moments_of_what_moves_freely_and_nothing_else(
         assert after == pytest.approx(scaled, rel=1e-6, abs=1e-9), values
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("task", list_tasks())
 def test_every_task_is_another_world_on_each_axis_that_applies_and_begins_where_it_began(task):
     env = make(task)

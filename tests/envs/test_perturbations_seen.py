@@ -91,7 +91,7 @@ def test_what_is_only_seen_changes_no_state_and_no_more_of_what_is_seen_than_it_
     env.close()
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("task", list_tasks())
 def test_with_all_of_them_the_expert_s_episode_has_the_same_states(task):
     chains = []
@@ -190,7 +190,7 @@ def test_holes_are_beside_edges_on_dark_and_on_slanted_surfaces_and_nowhere_else
         assert (depth_of(GREY, np.where(plane > 0, plane, 1))[128] == 0).all() == is_lost
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("task", list_tasks())
 def test_things_whose_colour_is_named_keep_it_and_no_other_thing_gets_it(task):
     env = make("object_colour:3", task=task)

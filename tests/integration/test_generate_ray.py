@@ -10,7 +10,7 @@ from lerobot_env_bimanual.commands.dataset_generate import make_dataset, setting
 EXAMPLE = Path(__file__).parents[2] / "examples/11_ray_cluster.py"
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.sim
 @pytest.mark.timeout(900)
 def test_two_machines_give_the_dataset_of_one_process(

@@ -30,7 +30,9 @@ def undisturbed(tmp_path_factory) -> tuple[Path, float]:
     return root, time.monotonic() - start
 
 
-@pytest.mark.parametrize(("victim", "shares"), [("parent", (0.6, 0.95)), ("all", (0.9,))])
+@pytest.mark.parametrize(
+    ("victim", "shares"), [("parent", (0.6, 0.95)), pytest.param("all", (0.9,), marks=pytest.mark.weekly)]
+)
 def test_killed_runs_lose_only_what_was_unfinished(victim, shares, undisturbed, tree_hashes, tmp_path):
     (expected, duration_s), root = undisturbed, tmp_path / "small"
     rng = np.random.default_rng()  # other moments in every run of the test

@@ -51,7 +51,7 @@ def agreement(network: nn.Module, dim: int) -> float:
     return (best == plans).all(dim=-1).all(dim=-1).any(dim=0).double().mean().item()
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_arms_agree_on_one_of_two_plans_if_one_sees_the_goal_of_the_other(tiny):
     finer = {"projection_dilations": (2,), "quadratic_features": True, "voxel_cells": 3}
     config = PerAct2Config(**tiny | {"translation_head": "factorised"} | finer)
