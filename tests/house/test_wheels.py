@@ -154,6 +154,7 @@ assert not any(map(find_spec, ("lerobot", "torch", "datasets", "pyarrow")))
         assert len(told.splitlines()) == 1
 
 
+@pytest.mark.weekly
 def test_a_task_of_another_distribution_is_listed_measured_recorded_and_scored(python, tmp_path):
     ours = ("-m", "lerobot_bimanual.cli")
     listed = succeed(python, *ours, "task", "list", "--task=prehensile", "--format=json")

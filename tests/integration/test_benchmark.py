@@ -70,6 +70,7 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(small):
     assert resumed.endswith("--resume=true")
 
 
+@pytest.mark.weekly
 def test_benchmarks_of_several_tasks_score_one_network(small):
     tasks = ("lift_ball", "push_box")
     fewer = {"demos": 1, "steps": 2, "save_freq": 1, "val_episodes": None, "test_episodes": 1}

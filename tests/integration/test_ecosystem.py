@@ -13,7 +13,7 @@ from lerobot.scripts import lerobot_edit_dataset
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import RecordedDataset
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.weekly, pytest.mark.timeout(900)]
 
 RGB, DEPTH = schema.image_key("front"), schema.depth_key("front")
 REENCODED = 0.01

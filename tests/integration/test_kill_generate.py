@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from worker_jobs import processes_of
 
-pytestmark = [pytest.mark.slow, pytest.mark.sim, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.weekly, pytest.mark.sim, pytest.mark.timeout(1800)]
 
 FLAGS = (
     *("--task=lift_ball", "--episodes=3", "--view=both", "--image_size=24x32", "--cameras=front,left_wrist"),
@@ -30,9 +30,7 @@ def undisturbed(tmp_path_factory) -> tuple[Path, float]:
     return root, time.monotonic() - start
 
 
-@pytest.mark.parametrize(
-    ("victim", "shares"), [("parent", (0.6, 0.95)), pytest.param("all", (0.9,), marks=pytest.mark.weekly)]
-)
+@pytest.mark.parametrize(("victim", "shares"), [("parent", (0.6, 0.95)), ("all", (0.9,))])
 def test_killed_runs_lose_only_what_was_unfinished(victim, shares, undisturbed, tree_hashes, tmp_path):
     (expected, duration_s), root = undisturbed, tmp_path / "small"
     rng = np.random.default_rng()  # other moments in every run of the test

@@ -115,6 +115,7 @@ def of_mixed_precision(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.weekly
 def test_a_policy_of_mixed_precision_is_played_in_full_precision(of_mixed_precision, tmp_path, capsys):
     output = tmp_path / "act.json"
     flags = [f"--task={TASK}", f"--output={output}", "--axes=mass", "--levels=1", "--episodes=1"]

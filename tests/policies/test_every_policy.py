@@ -239,7 +239,7 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
     assert torch.equal(predicted.ignore_collisions, truth.ignore_collisions)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.timeout(600)
 def test_a_compiled_network_has_the_plain_losses_and_is_compiled_once(specimens, make_batch, monkeypatch):
     graphs = []

@@ -46,9 +46,8 @@ AREA = PlacementArea(center_m=(0.27, -0.07), half_size_m=(0.13, 0.19), half_yaw_
 # In the axes of the drawn pose: the plates lie on the y axis (decoded from RLBench's task file).
 PLATE_OFFSET_M = 0.194
 TAIL_START_M = np.array([0.0795, 0.182])
-"""Of the head it is (-0.020, -0.067)."""
 FROM_TAIL_TO_HEAD_RAD = -1.9509564435332885
-"""A number, since NumPy's arctangent of it depends on the processor, by one bit."""
+"""Towards where the head starts, (-0.020, -0.067) m. A number, since NumPy's arctangent of it depends on the processor, by a bit."""
 ON_PLATE_M = ((-0.05, -0.03, -0.002), (0.05, 0.03, 0.018))
 """The box in which an end counts, in the plate's frame (PerAct2 code)."""
 
