@@ -49,9 +49,10 @@ ELSEWHERE = {
     ".*(lerobot-bimanual results compare|rvt_lf_small|results/robustness)|.*tables.py": "need results of hours, or write here",
 }
 """Commands that do not run here, and why."""
+RESULT = "dual_push_buttons_peract_lf_small_seed1000_plans.json"
 ROOM = {name: name for name in ("policies", "results", "examples")} | {
     "downloads/pretrained_model": "results/checkpoints/peract2_on_all",
-    "outputs/benchmark/results": "results/leaderboard",
+    f"outputs/benchmark/results/{RESULT}": f"results/leaderboard/{RESULT}",
 }
 """What is there before the first command."""
 
