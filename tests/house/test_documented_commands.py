@@ -50,6 +50,7 @@ ELSEWHERE = {
 }
 """Commands that do not run here, and why."""
 RESULT = "dual_push_buttons_peract_lf_small_seed1000_plans.json"
+"""One for the commands that read results of one's own; a replay of all takes ten minutes."""
 ROOM = {name: name for name in ("policies", "results", "examples")} | {
     "downloads/pretrained_model": "results/checkpoints/peract2_on_all",
     f"outputs/benchmark/results/{RESULT}": f"results/leaderboard/{RESULT}",
