@@ -45,6 +45,7 @@ ELSEWHERE = {
     "ray |RAY|torchrun|lerobot-train --policy.type=peract2": "need machines or a GPU; test_generate_ray.py has two machines",
     ".*(raise_block|my_task)": "need a task of one's own, of which test_examples.py has the same",
     "lerobot-(replay|rollout)|python -m lerobot|.*local/demonstrations": "robots/test_programs.py plays the same",
+    "lerobot-bimanual results verify --results=results/leaderboard": "test_results.py replays an episode of drawn rows",
     "cd |PYTHONPATH": "test_vla_eval.py runs the harness",
     ".*(lerobot-bimanual results compare|rvt_lf_small|results/robustness)|.*tables.py": "need results of hours, or write here",
 }

@@ -46,6 +46,7 @@ def test_an_example_in_python_prints_what_it_shows(words, printed, tmp_path):
     assert printed in run(sys.executable, str(EXAMPLES / script), *flags, folder=tmp_path)
 
 
+@pytest.mark.weekly
 def test_a_task_and_a_policy_of_ones_own_pass_their_tests_and_are_trained_and_scored(tmp_path):
     """Their wheels, unpacked, are distributions like any other. The checkpoint goes on learning from the task."""
     site = tmp_path / "site"

@@ -174,6 +174,7 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
     }
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize(
     ("view", "flags", "numbers", "mode"),
     [("frames", UNNAMED_ACT, 16, "joint"), ("keyframes", TINY_ACT, 18, "keypose")],

@@ -148,7 +148,7 @@ def test_not_replayed_is_not_passed(copy, capsys, field, other, reason) -> None:
     assert "replay  " not in printed
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_dataset_of_a_perturbed_world_is_complete_and_sound(small_generation, tmp_path, capsys) -> None:
     config = small_generation(
         tmp_path / "made", episodes=1, view="keyframes", perturb="camera_moved:2,light:1"
