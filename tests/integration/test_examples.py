@@ -46,7 +46,6 @@ def test_an_example_in_python_prints_what_it_shows(words, printed, tmp_path):
     assert printed in run(sys.executable, str(EXAMPLES / script), *flags, folder=tmp_path)
 
 
-@pytest.mark.weekly
 def test_a_task_and_a_policy_of_ones_own_pass_their_tests_and_are_trained_and_scored(tmp_path):
     """Their wheels, unpacked, are distributions like any other. The checkpoint goes on learning from the task."""
     site = tmp_path / "site"
@@ -79,6 +78,7 @@ def test_a_task_and_a_policy_of_ones_own_pass_their_tests_and_are_trained_and_sc
         assert evaluation(tmp_path / out / "eval")["overall"]["n_episodes"] == 1
 
 
+@pytest.mark.weekly
 def test_the_notebook_runs_from_top_to_bottom(tmp_path):
     notebook = nbformat.read(EXAMPLES / "tour.ipynb", as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells)  # what is committed is small

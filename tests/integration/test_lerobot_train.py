@@ -174,7 +174,6 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
     }
 
 
-@pytest.mark.weekly
 @pytest.mark.parametrize(
     ("view", "flags", "numbers", "mode"),
     [("frames", UNNAMED_ACT, 16, "joint"), ("keyframes", TINY_ACT, 18, "keypose")],
@@ -185,6 +184,7 @@ def test_act_learns_the_actions_of_either_view_by_lerobot_alone(room, view, flag
     assert evaluate(f"act_{view}", room, "--env.obs=rgb", f"--env.control_mode={mode}")["n_episodes"] == 1
 
 
+@pytest.mark.weekly
 def test_lerobots_diffusion_is_trained_by_its_recipe_and_evaluated(room):
     recipe = POLICIES / "lerobot_policy_bimanual/diffusion/recipes/small.yaml"
     flags = (f"--config_path={recipe}", TINY_ACT[-1], "--policy.down_dims=[32]")
