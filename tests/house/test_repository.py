@@ -143,7 +143,7 @@ INSTEAD = {
     r"\bthe verb\b": "the command",
 }
 """Pattern of words -> what to write."""
-EXEMPT = ("benchmarks/results/", "CHANGELOG.md", "envs/lerobot_env_bimanual/perturbations/instruction.toml")
+EXEMPT = ("benchmarks/results/", "envs/lerobot_env_bimanual/perturbations/instruction.toml")
 """Dated reports, which keep the words of their time, and instructions to a policy, which are colloquial on purpose."""
 
 
