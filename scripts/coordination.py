@@ -36,7 +36,7 @@ Written by `python scripts/coordination.py`; do not edit.
 
 *Keyposes* says how much each keypose of each arm varies over 100 training demonstrations of a task's first variation: the standard
 deviation of its place in cm, and the root mean square of its rotation from the mean in degrees, both from the least to the most of
-any keypose. A hand whose keyposes never vary needs no eyes. *Shifted hands* says how many of {episodes} test episodes the expert solves if
+any keypose. A hand whose keyposes never vary needs no images. *Shifted hands* says how many of {episodes} test episodes the expert solves if
 all keyposes are shifted along the table by 1 to 4 cm, in a direction drawn per episode: of both hands the same way, and of the right
 hand the opposite way.
 """

@@ -1,6 +1,6 @@
 """Play the single-arm adversaries and print how many episodes each arm solves.
 
-Usage, in the folder `examples`: python -m adversaries [--task=lift_tray] [--first_seed=61000] [--episodes=20]
+Usage, in the folder `examples`: python -m adversaries [--task=push_box] [--first_seed=61000] [--episodes=20]
 """
 
 import argparse

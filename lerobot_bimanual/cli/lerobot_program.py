@@ -85,7 +85,9 @@ def run_program(
         ours = [word.startswith((TRUST_FLAG, keep)) or last == keep for word, last in pairs]
         sys.argv[1:] = [word for word, is_ours in zip(words, ours, strict=True) if not is_ours]
         if "help" in values:
-            work(values)
+            print(f"flags of ours: {TRUST_FLAG}; in trainings --{KEEP_FLAG}=N. All others are LeRobot's:\n")
+            with redirect_stderr(Filtered(sys.stderr, progress)):
+                work(values)
             return 0
         shown: list[Any] = [Filtered(stream, progress) for stream in (sys.stdout, sys.stderr)]
         if not progress:

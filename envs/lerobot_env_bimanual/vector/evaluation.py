@@ -304,7 +304,7 @@ class EvaluationLog:
         if kept:
             videos = f"{kept}; {videos}"
         known = [episode.survived for episode in episodes if episode.survived is not None]
-        real = f"; real arms would have gone through {sum(known)} of {len(known)}" if known else ""
+        real = f"; real arms could have executed {sum(known)} of {len(known)}" if known else ""
         text = "%s: %d of %d episodes solved%s%s; %s"
         logger.info(text, self._task, solved, len(episodes), reasons and f" ({reasons})", real, videos)
 
