@@ -16,7 +16,7 @@ from lerobot_bimanual.benchmark.config import BenchmarkConfig, command
 from lerobot_bimanual.benchmark.pipeline import end, start
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.errors import BimanualError, check_range
-from lerobot_bimanual.resources import usable_cores
+from lerobot_bimanual.resources import usable_cores, worker_count
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.protocols import PROTOCOLS
 
@@ -37,8 +37,10 @@ def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig
     policies = config.policy.split(",")
     meant = PROTOCOLS[config.protocol].tasks if config.protocol in PROTOCOLS else ()
     tasks = [task for task in tasks if task in meant] or tasks
+    shared = config.lanes > 1 and not config.workers
+    workers = max(1, worker_count(0) // config.lanes) if shared else config.workers
     found = [
-        replace(config, task=task, policy=policy, lanes=1, dry_run=False)
+        replace(config, task=task, policy=policy, lanes=1, workers=workers, dry_run=False)
         for task in tasks
         for policy in policies
     ]

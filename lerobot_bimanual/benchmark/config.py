@@ -10,7 +10,7 @@ from typing import Any, Literal
 from lerobot_bimanual.benchmark.recipes import SIZES, SUFFIX, Recipe, option_text, option_value, sizes
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
-from lerobot_bimanual.results.benchmark import BenchmarkSettings
+from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkSettings
 from lerobot_bimanual.results.protocols import OWN, PROTOCOLS
 
 OWN_FLAGS = {
@@ -25,8 +25,6 @@ OWN_FLAGS = {
     ),
 }
 """Flags that the benchmark sets from its own, which these flags therefore cannot hold."""
-INCIDENTAL = ("num_workers", "wandb.enable")
-"""Training options that decide nothing about what is learned."""
 NUMBERS = ("demos", "image_size", "steps", "batch_size", "save_freq", "val_episodes", "test_episodes")
 """Fields that a recipe and a protocol fill in."""
 
@@ -99,6 +97,11 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         config = replace(config, val_episodes=0)
     if config.recipe not in SIZES and not config.recipe.endswith(SUFFIX):
         raise InvalidChoice("recipe", config.recipe, [*SIZES, f"FILE{SUFFIX}"])
+    name = Path(config.recipe).name.removesuffix(SUFFIX)
+    if name in SIZES and name != config.recipe:
+        raise BimanualError(
+            f"{config.recipe} has the name of an installed recipe, and results would not tell them apart: rename it"
+        )
     recipe = Recipe.find(config.policy, config.recipe)
     usual = vars(sizes(config.recipe)) | vars(recipe)
     usual |= {name: usual[name] * PROTOCOLS[config.protocol].rounds for name in ("steps", "save_freq")}
@@ -111,16 +114,21 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         "num_workers": 0,  # the dataset is in memory
         "log_freq": max(1, numbers["save_freq"] // 5),
     }
+    training |= own | _options(config, "train_flags")
+    if numbers["val_episodes"] and "keep_last" in training:
+        raise BimanualError(
+            "train_flags hold --keep_last, but every checkpoint is validated: leave it out, or set --val_episodes=0"
+        )
     return BenchmarkSettings.of(
         policy=config.policy,
         task=config.task,
-        recipe=Path(config.recipe).name.removesuffix(SUFFIX),
+        recipe=name,
         **numbers,
         **flags,
         seed=config.seed,
         first_demo_seed=config.first_demo_seed,
         device=config.device or usual_device,
-        training=training | own | _options(config, "train_flags"),
+        training=training,
         evaluation=_options(config, "eval_flags"),
     )
 

@@ -5,6 +5,7 @@ that running the chain again does only what is missing.
 """
 
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -25,6 +26,8 @@ from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import usable_cores
 from lerobot_bimanual.results.record import Record
 
+WORKERS = r" --workers=\d+"
+"""Changes no output, so a command with another number of them is the same."""
 TERMINATION_TIMEOUT_S = 5.0
 """Time that an interrupted program has to end its workers."""
 
@@ -191,7 +194,8 @@ class Pipeline:
         inputs = {str(path): sha256(path) for path in command.inputs}
         new = Marker(command=str(command), inputs=inputs, done=False, seconds=0.0)
         found = Marker.read(path) if (path := self._path(command)).is_file() else new
-        return found if (found.command, found.inputs) == (new.command, inputs) else new
+        same = re.sub(WORKERS, "", found.command) == re.sub(WORKERS, "", new.command)
+        return found if same and found.inputs == inputs else new
 
     def _path(self, command: Command) -> Path:
         return self._folder / f"{command.name}.command.json"

@@ -192,7 +192,7 @@ class Plan:
             "env.obs": None if self.recipe.depth else "rgb",
             "env.control_mode": self.recipe.control_mode,
             "env.results_dir": str(folder),
-            "env.video_dir": self.video_dir and str(self.video_dir),
+            "env.video_dir": self.video_dir and str(self.video_dir / settings.run_id / folder.name),
             "eval.n_episodes": len(seeds),
             "eval.batch_size": 2,
             "seed": seeds.start,

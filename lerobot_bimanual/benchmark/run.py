@@ -177,13 +177,13 @@ def _made_before(plan: Plan) -> BenchmarkResult | None:
     Raises:
         BimanualError: the file holds another measurement, or cannot be read.
     """
-    advice = "choose another --output, or move the file"
+    advice = "choose another --output"
     if not plan.result.exists():
         return None
     try:
         made = BenchmarkResult.read(plan.result)
     except BadRecord as error:
-        raise BadRecord(f"{error}; {advice}") from error
+        raise BadRecord(f"{error}; {advice}, or move the file") from error
     for name in BenchmarkSettings.model_fields:
         got, asked = getattr(made.config, name), getattr(plan.settings, name)
         if got != asked:

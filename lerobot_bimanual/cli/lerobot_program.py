@@ -86,7 +86,8 @@ def run_program(
         sys.argv[1:] = [word for word, is_ours in zip(words, ours, strict=True) if not is_ours]
         if "help" in values:
             print(f"flags of ours: {TRUST_FLAG}; in trainings --{KEEP_FLAG}=N. All others are LeRobot's:\n")
-            with redirect_stderr(Filtered(sys.stderr, progress)):
+            filtered: Any = Filtered(sys.stderr, progress)
+            with redirect_stderr(filtered):
                 work(values)
             return 0
         shown: list[Any] = [Filtered(stream, progress) for stream in (sys.stdout, sys.stderr)]

@@ -143,6 +143,7 @@ class _Info(Record):
 
     fps: Annotated[int, Field(gt=0, le=1000)]
     features: dict[str, _Feature]
+    total_episodes: PositiveInt
 
 
 def read_info(root: Path) -> dict[str, Any]:

@@ -27,6 +27,8 @@ Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
 Count = Annotated[int, Field(ge=1, le=10**9 - 1)]
 MAX_CHECKPOINTS = 10_000
 """A larger number is a mistake, and a list of so many steps would fill the memory."""
+INCIDENTAL = ("num_workers", "wandb.enable", "keep_last")
+"""Training options that decide nothing about what is learned."""
 
 
 class BenchmarkSettings(Record):
@@ -222,6 +224,10 @@ class BenchmarkResult(Record):
         for name, episodes in (("episodes", self.episodes), ("expert", self.expert)):
             same = [episode.seed for episode in episodes] == seeds
             require(same, f"{name} must be on the {len(seeds)} seeds from {self.config.first_seed} on")
+        require({*seeds} == {each.seed for each in self.open_loop}, "open_loop must be on the same seeds")
+        steps = self.config.checkpoint_steps
+        chosen = {self.checkpoint_step, *(each.step for each in self.validation)}
+        require(chosen <= {*steps}, f"checkpoints must be among those after {steps} steps")
         for package in SIMULATION_PACKAGES:
             recorded, tested = self.demonstrations.versions.get(package), self.versions.get(package)
             require(recorded == tested, f"{package} must be the same in demonstrations and test")

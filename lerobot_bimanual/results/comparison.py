@@ -11,14 +11,14 @@ import pandas as pd
 
 from lerobot_bimanual.distributions import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.benchmark import BenchmarkResult, Scored
+from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkResult, Scored
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.statistics import SuccessRate, sign_flip_p_value
 
 type Results = Mapping[Path, Scored]
 
-INCIDENTAL = ("repo_id", "first_seed")
+OWN_DEMONSTRATIONS = ("repo_id", "first_seed")
 """Settings of demonstrations in which trainings of one policy may differ."""
 
 
@@ -131,7 +131,7 @@ def check_trainings(results: Results) -> None:
         is_record = isinstance(result, EvaluationRecord)
         weights = result.policy.get("sha256", "") if is_record else result.checkpoint_sha256
         key = (result.eval_key, result.policy_id, str(weights))
-        if (other := first.setdefault(key, path)) != path:
+        if weights and (other := first.setdefault(key, path)) != path:
             raise BimanualError(
                 f"{path} has the weights of {other}, so it is not another training; remove one of the files"
             )
@@ -176,8 +176,9 @@ def _facts_of_training(result: Scored) -> dict[str, object]:
     if isinstance(result, EvaluationRecord):
         return {f"options of {result.policy_id} on {result.eval_key}": result.options}
     config, settings = result.config, result.demonstrations.settings
-    measured = config.model_dump(exclude={"seed", "first_demo_seed", "training"}) | config.training
-    demonstrated = {name: value for name, value in settings.items() if name not in INCIDENTAL}
+    training = {name: value for name, value in config.training.items() if name not in INCIDENTAL}
+    measured = config.model_dump(exclude={"seed", "first_demo_seed", "training"}) | training
+    demonstrated = {name: value for name, value in settings.items() if name not in OWN_DEMONSTRATIONS}
     named = {"setting": measured, "demonstrations' setting": demonstrated, "test's option": result.options}
     of = f"of {config.policy_id} on {config.eval_key}"
     facts: dict[str, object] = {f"recipe of {config.policy_id}": config.recipe}

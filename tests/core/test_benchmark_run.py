@@ -215,6 +215,16 @@ def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
         BenchmarkSettings.of(**dict(resolve(BenchmarkConfig("mine"))) | {"protocol": "few"})
 
 
+def test_names_of_recipes_and_checkpoints_that_would_be_missed_are_refused(programs, config, tmp_path):
+    with pytest.raises(BimanualError, match=r"mine/paper\.yaml has the name of an installed recipe"):
+        resolve(replace(config, recipe="mine/paper.yaml"))
+    with pytest.raises(
+        BimanualError, match=r"--keep_last, but every checkpoint is validated.*val_episodes=0"
+    ):
+        resolve(replace(config, train_flags="--keep_last=1"))
+    assert resolve(replace(config, train_flags="--keep_last=1", val_episodes=0)).training["keep_last"] == 1
+
+
 def test_protocols_that_differ_in_the_test_alone_share_demonstrations_and_training(programs):
     plans = {
         name: Plan.of(BenchmarkConfig("mine", task=(*each.tasks, "lift_ball")[0], protocol=name))
@@ -268,7 +278,9 @@ def test_the_result_of_another_measurement_is_not_replaced(changes, message, pro
     run(config)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.json")}
     programs.ran.clear()
-    with pytest.raises(BimanualError, match=rf"seed1000\.json would be replaced: its {message}.*move"):
+    with pytest.raises(
+        BimanualError, match=rf"seed1000\.json would be replaced: its {message}.*another --output"
+    ):
         run(replace(config, **changes))
     assert not programs.ran
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.json")} == before

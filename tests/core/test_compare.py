@@ -118,7 +118,7 @@ def test_trainings_with_and_without_demonstrations_of_their_own_are_of_one_polic
     ("config", "fields", "message"),
     [
         ({"recipe": "paper"}, {}, "recipe of mine is 'small', but 'paper' in"),
-        ({"training": {}}, {}, r"settings of mine on lift_ball is .*num_workers.*remove one of the files"),
+        ({"training": {}}, {}, r"settings of mine on lift_ball is .*log_freq.*remove one of the files"),
         (
             {"training": dict(RESULT.config.training) | {"log_freq": 9}},
             {},

@@ -109,6 +109,8 @@ def test_a_mutated_file_is_refused_with_its_name_or_reads_as_what_it_says(record
         ({}, {"episodes": reported("xx..")}, "episodes: the episode of seed 0 must have a proof"),
         ({}, {"expert": reported("xxx")}, "expert must be on the 4 seeds from 0 on"),
         ({}, {"versions": VERSIONS | {"mujoco": "4"}}, "mujoco must be the same in demonstrations and test"),
+        ({}, {"open_loop": reported("x...", first_seed=1)}, "open_loop must be on the same seeds"),
+        ({}, {"checkpoint_step": 3}, r"checkpoints must be among those after \(2, 4\) steps"),
         ({"seed": -1}, {}, "^seed: "),
     ],
 )

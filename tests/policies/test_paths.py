@@ -12,6 +12,7 @@ from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
 from lerobot_bimanual.dataset.schema import CALIBRATION_INFO, TASK_NAME, VERSION_INFO, WRIST_EXTRINSICS
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_policy_bimanual.training.dataset_folder import check_dataset
+from lerobot_policy_bimanual.training.train import remove_older
 
 WITHOUT_LEROBOT = """
 import sys
@@ -58,7 +59,9 @@ def test_the_folder_above_a_checkpoint_is_answered_with_the_right_one(tmp_path, 
 
 def touch_dataset(folder, **info) -> None:
     (folder / "meta").mkdir(parents=True)
-    (folder / "meta" / "info.json").write_text(json.dumps({"total_episodes": 4} | info))
+    (folder / "meta" / "info.json").write_text(
+        json.dumps({"total_episodes": 4, "fps": 1, "features": {}} | info)
+    )
 
 
 def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
@@ -76,10 +79,11 @@ def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
     [
         (TASK_NAME, {VERSION_INFO: 2}, "has schema version 2, .* `lerobot-bimanual dataset generate"),
         (WRIST_EXTRINSICS, {CALIBRATION_INFO: {}}, "the calibration in meta/info.json is damaged"),
+        (TASK_NAME, "none", "features.task_name.info: .*Restore the file"),
     ],
 )
 def test_a_dataset_of_another_schema_is_refused_before_training(tmp_path, key, info, message):
-    touch_dataset(tmp_path, features={key: {"info": info}})
+    touch_dataset(tmp_path, features={key: {"dtype": "float32", "shape": [1], "info": info}})
     with pytest.raises(DatasetError, match=message):
         check_dataset(tmp_path)
 
@@ -93,3 +97,14 @@ def test_what_is_missing_here_is_not_looked_for_on_the_hub(tmp_path, monkeypatch
         with pytest.raises(BimanualError, match="no checkpoint at"):
             require_checkpoint_if_local(path)
     require_checkpoint_if_local("owner/name")
+
+
+def test_old_checkpoints_go_but_not_those_beyond_the_last_one(tmp_path):
+    for name in ("000500", "000750", "001000", "0001500", "0002000"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "last").symlink_to("0001500")
+    remove_older(tmp_path, 2)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001500", "0002000", "001000", "last"]
+    (tmp_path / "last").unlink()
+    remove_older(tmp_path, 1)  # the newest was being written when the training ended
+    assert len([*tmp_path.iterdir()]) == 3

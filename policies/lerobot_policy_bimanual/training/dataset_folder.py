@@ -5,9 +5,8 @@ from pathlib import Path
 
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import Provenance, check_version
-from lerobot_bimanual.dataset.reader import INFO_FILE, no_dataset, views_below
+from lerobot_bimanual.dataset.reader import INFO_FILE, no_dataset, read_info, views_below
 from lerobot_bimanual.errors import DatasetError
-from lerobot_bimanual.files import read_json
 
 
 def check_dataset(root: Path, episodes: Sequence[int] = (0,)) -> None:
@@ -30,11 +29,11 @@ def check_dataset(root: Path, episodes: Sequence[int] = (0,)) -> None:
         )
     if not (root / INFO_FILE).is_file():
         raise no_dataset(root, "--dataset.root", ". To train on one of the Hub, leave out --dataset.root")
-    info = read_json(root / INFO_FILE)
-    features = info.get("features", {})
+    info = read_info(root)
+    features = info["features"]
     check_version(features, root)
     Provenance.of_dataset(root)
     Calibration.of_features(features)
-    total = info.get("total_episodes")
+    total = info["total_episodes"]
     if outside := [number for number in episodes if not 0 <= number < total]:
         raise DatasetError(f"{root} has episodes 0 to {total - 1}, but --dataset.episodes names {outside[0]}")

@@ -79,6 +79,7 @@ class AcceleratorWithMemory:
 
     def __init__(self, cfg: TrainPipelineConfig, make: Callable[[], Accelerator], keep_last: int | None):
         self._cfg, self._make, self._keep_last = cfg, make, keep_last
+        self._is_prepared = False  # a checkpoint that is resumed has been read then
 
     @cached_property
     def _accelerator(self) -> Accelerator:
@@ -99,6 +100,7 @@ class AcceleratorWithMemory:
         held = {place: self._in_memory(part) for place, part in loaders.items()}
         numbers = {place: loader for place, (loader, _) in held.items()}
         prepared = self._accelerator.prepare(*(numbers.get(place, part) for place, part in enumerate(parts)))
+        self._is_prepared = True
         return tuple(
             LoaderFromMemory(part, held[place][1], _starts_within_an_epoch(parts[place]))
             if place in held
@@ -111,9 +113,8 @@ class AcceleratorWithMemory:
         self._accelerator.wait_for_everyone()
         if self._accelerator.is_main_process and self._cfg.output_dir is not None:
             share_files(Path(self._cfg.output_dir), "*.safetensors")  # written for their owner alone
-            saved = sorted(Path(self._cfg.output_dir).glob("checkpoints/[0-9]*"))
-            for folder in saved[: -self._keep_last] if self._keep_last else ():
-                shutil.rmtree(folder)
+            if self._keep_last and self._is_prepared:
+                remove_older(Path(self._cfg.output_dir, "checkpoints"), self._keep_last)
 
     def _in_memory(self, loader: DataLoader) -> tuple[DataLoader, ResidentDataset]:
         """A loader of the numbers of the same rows, and their dataset in memory."""
@@ -129,6 +130,15 @@ class AcceleratorWithMemory:
             pin_memory=loader.pin_memory,
         )
         return numbers, held
+
+
+def remove_older(checkpoints: Path, keep_last: int) -> None:
+    """Remove all but the newest checkpoints up to `last`; later ones are of another run, or were cut off."""
+    last = checkpoints / "last"
+    if last.exists():
+        steps = {int(folder.name): folder for folder in checkpoints.glob("[0-9]*")}
+        for step in sorted(step for step in steps if step <= int(last.resolve().name))[:-keep_last]:
+            shutil.rmtree(steps[step])
 
 
 def _starts_within_an_epoch(loader: DataLoader) -> bool:
