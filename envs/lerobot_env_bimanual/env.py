@@ -12,9 +12,10 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_bimanual.results.evaluation import eval_key
 from lerobot_env_bimanual.conditions import Condition, on_the_way
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
 from lerobot_env_bimanual.episode.observations import observation_space
@@ -55,7 +56,7 @@ class BimanualEnv(gym.Env):
 
     Args:
         task: registered task name.
-        options: everything else that can be chosen but `results_dir`, which `make_env` takes; by default the defaults.
+        options: everything else that can be chosen but `results_dir`; by default the defaults.
         render_mode: only "rgb_array".
         keywords: single options by name; they win over `options`.
 
@@ -88,7 +89,9 @@ class BimanualEnv(gym.Env):
         self.options = EnvOptions.of(**((options or EnvOptions()).keywords() | keywords))
         if self.options.results_dir is not None:
             raise InvalidChoice(
-                "results_dir", self.options.results_dir, "given to `make_env`, which records episodes"
+                "results_dir",
+                self.options.results_dir,
+                "given to `evaluate` or `lerobot-eval`, which record episodes",
             )
         self._variation = spec.variation_index(self.options.variation)
         self.render_mode = render_mode
@@ -180,8 +183,8 @@ class BimanualEnv(gym.Env):
         self._progress = progress
         try:
             progress.draws = world.reset.start(progress)
-        except PlacementFailure as failure:
-            progress.failure, progress.draws = str(failure), MAX_DRAWS  # nothing can be played from here
+        except BaseException as failure:  # nothing can be played from here, also after an interrupt
+            progress.failure, progress.draws = str(failure) or repr(failure), MAX_DRAWS
             raise
         progress.asked = progress.wanted = world.scene.commanded
         progress.on_the_way = on_the_way(self._conditions, world.scene, {})
@@ -297,7 +300,8 @@ class BimanualEnv(gym.Env):
 
     def _film(self, folder: Path) -> None:
         if self._video is None:
-            words = (self.task, f"v{self.variation}", self.options.split, f"seed{self.progress.seed}")
+            what = eval_key(self.task, "any", self.options.perturb, self.options.setting)
+            words = (what, f"v{self.variation}", self.options.split, f"seed{self.progress.seed}")
             self._video = VideoWriter(folder, "_".join(words), caption=" ".join(words))
         self._video.add(self._world.renderer.frame())
 

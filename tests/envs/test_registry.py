@@ -61,7 +61,7 @@ def test_the_verb_lists_every_task_for_programs(capsys):
     rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
     assert sorted(rows) == list(list_tasks())
     assert rows["lift_ball"]["instructions"] == [["lift the ball"]]
-    assert rows["lift_ball"]["success"][0] == "above(ball, 0.95)"
+    assert rows["lift_ball"]["success"][0][0] == "above(ball, 0.95)"
     assert rows["push_box"]["taxonomy"]["prehension"] == "non_prehensile"
 
 

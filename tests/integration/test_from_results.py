@@ -74,6 +74,7 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views
         for column in (reached[schema.EE_POSE][1:], reached[schema.ACTION][:-1])
     )
     assert np.abs(given - found).max() < 0.02
+    assert reached[schema.KEYPOSE_STEP].ravel().tolist() == [*range(len(given) + 1)]
     assert main(["dataset", "verify", f"--root={root}", "--workers=1"]) == 3
 
     assert main([*words, f"--root={tmp_path / 'failed'}", "--outcome=failed", "--view=keyframes"]) == 0

@@ -121,6 +121,7 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
     start_s = time.monotonic()
     with staged(root, settings) as staging:
         if staging.is_published():
+            staging.discard()
             print(f"{root} is already complete: {settings.total_episodes} episodes")
             return
         try:

@@ -78,9 +78,10 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     groups: dict[str, list[Attribution]] = {}
     played: dict[str, list[Episode]] = {}
     expert_ticks: dict[str, dict[int, int]] = {}
+    for result in results:
+        result.check_world()
     with WorkerPool(config.workers) as pool:
         for result in results:
-            result.check_world()
             episodes = result.record.episodes
             failed = [episode for episode in episodes if not episode.success]
             chosen = sampled(failed, config.sample, config.sample_seed)

@@ -22,7 +22,7 @@ class TaskListConfig:
 def task_list(config: TaskListConfig) -> None:
     """List the tasks with an instruction, the number of variations, control ticks at most, and suites.
 
-    `--format=json` has all instructions, and what makes success.
+    `--format=json` has all instructions, and what makes success, by variation.
 
     Examples:
         lerobot-bimanual task list
@@ -50,7 +50,8 @@ def task_list(config: TaskListConfig) -> None:
 
 
 def _row(name: str) -> dict[str, Any]:
-    spec = get_task(name).spec
+    task = get_task(name)
+    spec = task.spec
     return {
         "name": spec.name,
         "id": spec.id,
@@ -58,6 +59,8 @@ def _row(name: str) -> dict[str, Any]:
         "instructions": [list(spec.instructions_for(variation)) for variation in spec.variations],
         "taxonomy": asdict(spec.taxonomy),
         "suites": list(spec.taxonomy.suites),
-        "success": [condition.name for condition in spec.success],
+        "success": [
+            [condition.name for condition in task.conditions(variation)] for variation in spec.variations
+        ],
         "horizon_ticks": spec.horizon_ticks,
     }

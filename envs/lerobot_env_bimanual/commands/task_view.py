@@ -62,10 +62,11 @@ def task_view(config: TaskViewConfig) -> None:
 def _play(config: TaskViewConfig) -> None:
     """Play the episodes, and write a video of each."""
     from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.experts.runner import expert
+    from lerobot_env_bimanual.experts.runner import expert_of
     from lerobot_env_bimanual.rendering.film import rollout, write_film
 
-    players = {"expert": expert()}
+    env = BimanualEnv(config.task, options=_options(config))
+    players = {"expert": expert_of(env)}
     if config.checkpoint is not None:
         from lerobot_env_bimanual.sweep.checkpoint import Checkpoint, require_safe
         from lerobot_env_bimanual.sweep.policy_rollout import policy_player
@@ -74,7 +75,6 @@ def _play(config: TaskViewConfig) -> None:
         if not config.trust_checkpoint:
             require_safe(config.checkpoint)
         players["policy"] = policy_player(config.checkpoint)
-    env = BimanualEnv(config.task, options=_options(config))
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
         setting = env.options.setting.removeprefix(STANDARD)

@@ -113,7 +113,8 @@ class FailureAttributor:
             )
         kind, event = classify(self._env.task, events, expert_events)
         index, responsible = None, Responsible.EXPERT_FAILS
-        if any(action.size not in (0, KEYPOSE_DIM) for action in actions):
+        is_joint = self._env is not self._expert_env  # which refuses keyposes
+        if is_joint or any(action.size not in (0, KEYPOSE_DIM) for action in actions):
             responsible = Responsible.JOINT_ACTIONS
         elif expert_solves:
             index, responsible = self._search(actions, states)

@@ -79,9 +79,11 @@ def record_replays(job: Replays) -> list[str]:
                 if problems:
                     left_out.append(f"{job.task}, seed {episode.seed}: {problems[0]}")
                     continue
-                actions = [each for each in recorded_actions(episode) if each.size == KEYPOSE_DIM]
-                played = tape.demonstration(np.array(actions))
-                played = played if actions else _with_reached_keyposes(played)
+                actions = recorded_actions(episode)
+                keyposes = [each for each in actions if each.size == KEYPOSE_DIM]
+                played = tape.demonstration(np.array(keyposes))
+                if any(each.size == JOINT_ACTION_DIM for each in actions):
+                    played = _with_reached_keyposes(played)
                 reason = "" if episode.success else str(attributor.attribute(episode).failure_class)
                 outcome = {
                     feature_table.SUCCESS: np.array([episode.success]),
@@ -115,7 +117,7 @@ def _players(
 
 
 def _with_reached_keyposes(episode: Demonstration) -> Demonstration:
-    """An episode of joint actions with the poses at its keyframes as keyposes, as PerAct labels demonstrations."""
+    """An episode with joint actions, with the poses at its keyframes as keyposes, as PerAct labels demonstrations."""
     actions = np.array([step.action for step in episode.steps]).reshape(-1, JOINT_ACTION_DIM)
     ends = discover_keyframes(actions) or [len(actions) - 1]
     poses = np.array([episode.steps[end].observation[schema.EE_POSE] for end in ends])
@@ -123,5 +125,14 @@ def _with_reached_keyposes(episode: Demonstration) -> Demonstration:
     free = np.ones_like(is_open)
     keyposes = np.concatenate([poses.reshape(-1, len(ARMS), 7), is_open, free], axis=-1)
     stages = np.searchsorted(ends[:-1], np.arange(len(actions)), side="right").tolist()
-    steps = tuple(replace(step, stage=stage) for step, stage in zip(episode.steps, stages, strict=True))
-    return replace(episode, steps=steps, keyposes=keyposes.reshape(-1, KEYPOSE_DIM).astype(np.float32))
+    counts = [{schema.KEYPOSE_STEP: np.array([stage], np.float32)} for stage in (*stages, len(ends))]
+    steps = tuple(
+        replace(step, stage=stage, observation=step.observation | count)
+        for step, stage, count in zip(episode.steps, stages, counts[:-1], strict=True)
+    )
+    return replace(
+        episode,
+        steps=steps,
+        keyposes=keyposes.reshape(-1, KEYPOSE_DIM).astype(np.float32),
+        final_observation=episode.final_observation | counts[-1],
+    )

@@ -99,10 +99,14 @@ class Staging:
         return self.folder / SHARDS / shard.name
 
     def publish(self, folder: Path) -> None:
-        """Move a finished dataset to its final place and remove the staging folder."""
+        """Move a finished dataset to its final place, and remove its shards."""
         with plain_write_errors(self.root):
             move_durably(folder, self.root)
-            shutil.rmtree(self.folder)
+            self.discard()
+
+    def discard(self) -> None:
+        """Remove the shards, of which the dataset has been made; `staged` removes the rest at its end."""
+        shutil.rmtree(self.folder / SHARDS)
 
 
 @contextmanager
@@ -147,8 +151,8 @@ def staged(root: Path, settings: GenerationSettings) -> Iterator[Staging]:
                 origin.write(folder / ORIGIN)
         yield Staging(root, folder, settings, origin)
     finally:
-        if shards.is_dir() and not any(shards.iterdir()):
-            shutil.rmtree(folder)
+        if not (shards.is_dir() and any(shards.iterdir())):
+            shutil.rmtree(folder, ignore_errors=True)
         lock.release()
 
 

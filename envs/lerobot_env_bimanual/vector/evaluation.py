@@ -120,8 +120,9 @@ class KeptEpisodes:
             return
         self.known, head = {}, self._head or self._make_head()
         if not head.policy and not self._is_own and (self._path.exists() or self._partial.exists()):
+            there = self._path if self._path.exists() else self._partial
             raise BimanualError(
-                f"{self._path} is there already, and its policy may be another one: choose another folder, or remove the file"
+                f"{there} is there already, and its policy may be another one: choose another folder, or remove the file"
             )
         journal = Journal(self._partial, _Entry, exclusive=True)
         if self._path.exists() and head.policy:

@@ -1,9 +1,8 @@
-"""The environment as `gymnasium.make` returns it; options give it LeRobot's keys and a record of its episodes."""
+"""The environment as `gymnasium.make` returns it, on demand with LeRobot's keys."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import gymnasium as gym
@@ -14,8 +13,6 @@ from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import PIXELS, dataset_row
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
-from lerobot_env_bimanual.vector.evaluation import Evaluation, EvaluationLog
 
 Keys = Literal["gymnasium", "lerobot"]
 
@@ -30,14 +27,12 @@ def make_env(
         keys: `gymnasium` for the observations of `BimanualEnv`; `lerobot` for rows as a `LeRobotDataset` has them, in which
             colours are float32 (3, H, W) in [0, 1].
         render_mode: only "rgb_array".
-        options: of `EnvOptions`. With `results_dir`, `close` leaves a record of the episodes there.
+        options: of `EnvOptions`.
 
     Raises:
-        BimanualError: an option is outside its choices, or `results_dir` holds another record.
+        BimanualError: an option is outside its choices.
     """
-    chosen = EnvOptions.of(**options)
-    bare = BimanualEnv(task, options=replace(chosen, results_dir=None), render_mode=render_mode)
-    env = bare if chosen.results_dir is None else _Recorded(bare, chosen)
+    env = BimanualEnv(task, options=EnvOptions.of(**options), render_mode=render_mode)
     return _LeRobotKeys(env) if checked_keys(keys) == "lerobot" else env
 
 
@@ -67,25 +62,3 @@ class _LeRobotKeys(gym.ObservationWrapper):
 
     def observation(self, observation: Mapping[str, Any]) -> dict[str, Any]:
         return dataset_row(observation)
-
-
-class _Recorded(EpisodeRecorder):
-    """Keeps each episode in the folder `results_dir` when it ends."""
-
-    def __init__(self, env: BimanualEnv, options: EnvOptions):
-        super().__init__(env)
-        self._log = EvaluationLog(env.task, options, 1, Evaluation())
-
-    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
-        observation, info = super().reset(**arguments)
-        self._log.begin({0: info["seed"]})
-        return observation, info
-
-    def _recorded(self, transition: Any) -> Any:
-        *others, terminated, truncated, info = super()._recorded(transition)
-        self._log.note(np.array([terminated or truncated]), {key: [value] for key, value in info.items()})
-        return *others, terminated, truncated, info
-
-    def close(self) -> None:
-        super().close()
-        self._log.close()
