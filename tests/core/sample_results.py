@@ -63,13 +63,8 @@ LIGHT = LoadMetrics(
 
 def outcome(success: bool = True, seed: int = 0, **changes: Any) -> EpisodeOutcome:
     fields: dict[str, Any] = {
-        "task": "lift_ball",
-        "variation": 0,
-        "seed": seed,
-        "success": success,
-        "ticks": 20,
-        "state_hash": f"{seed:064x}",
-        "last_move": "lift",
+        **{"task": "lift_ball", "variation": 0, "seed": seed, "success": success, "ticks": 20},
+        **{"state_hash": f"{seed:064x}", "last_move": "lift"},
         "moves": (MoveReport("beside", 20, 1.0, 2.0),),
         "commands": ((0.5,) * 18,),
     }

@@ -26,22 +26,13 @@ OTHER_WORLD, OUTCOMES = "ba9876543210", {"expert": "xxxx", "open_loop": "x...", 
 
 
 class Programs:
-    """Stand for pipelines: every command leaves the files that it is told to.
-
-    Attributes:
-        worlds: world of the demonstrations, the expert, the open-loop baseline and the test.
-        versions: versions of the demonstrations.
-        tasks: tasks of the demonstrations.
-        tested: outcomes of the test.
-        ran: names of the commands.
-    """
+    """Stand for pipelines: every command leaves the files that it is told to."""
 
     def __init__(self):
-        self.worlds: dict[str, str] = defaultdict(lambda: WORLD)
-        self.versions = installed_versions()
-        self.tasks = ["lift_ball"]
+        self.worlds: dict[str, str] = defaultdict(lambda: WORLD)  # of demonstrations, expert, open_loop, test
+        self.versions, self.tasks = installed_versions(), ["lift_ball"]  # of the demonstrations
         self.tested = OUTCOMES["test"]
-        self.ran: list[str] = []
+        self.ran: list[str] = []  # names of the commands
 
     def __call__(self, folder: Path, console: Console) -> "Programs":
         return self

@@ -5,7 +5,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from huggingface_hub import DatasetCard
 from lerobot.utils.constants import DEFAULT_FEATURES
 from sample_results import provenance
 
@@ -30,10 +29,3 @@ def test_a_card_explains_every_column_and_how_to_make_the_dataset_again(root, sn
     described = re.findall(r"^\| `(\S+)`", card, re.MULTILINE)
     assert read_info(root)["features"].keys() - DEFAULT_FEATURES <= {*described}
     assert card == snapshot
-
-
-def test_the_hub_understands_the_metadata_of_a_card(root) -> None:
-    write_card(root, "me/lift_ball")
-    data = DatasetCard.load(root / "README.md").data
-    assert (data.license, data.task_categories) == ("apache-2.0", ["robotics"])
-    assert data.tags.count("depth") == 1

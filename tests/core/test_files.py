@@ -53,14 +53,6 @@ def test_everything_in_a_folder_is_on_the_disk_before_it_is_renamed_and_the_name
     assert (tmp_path / "places/final/deep/b").read_text() == "b"
 
 
-def test_a_file_takes_the_place_of_an_older_one(tmp_path, steps) -> None:
-    (tmp_path / "new").write_text("new")
-    (tmp_path / "final").write_text("old")
-    move_durably(tmp_path / "new", tmp_path / "final")
-    assert steps == [("sync", "new"), ("rename", "final"), ("sync", tmp_path.name)]
-    assert (tmp_path / "final").read_text() == "new"
-
-
 def test_what_a_killed_process_left_is_removed_by_the_next_and_what_others_write_is_not(tmp_path) -> None:
     child = subprocess.Popen([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "a[1].json")])
     assert child.wait() == -signal.SIGKILL

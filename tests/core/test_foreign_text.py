@@ -27,14 +27,8 @@ from lerobot_bimanual.results.record import Record
 EVIL = "<script>a</script> x`|\n# Injected\r\n[l](javascript:a) \x1b[2J\x9b{: onclick=a }\u202e`<img src=x onerror=a>"
 HOSTILE = (EVIL, f"y`{EVIL}`y", "A" * 10**6)
 EXPERT = ExpertReport.of(
-    **{
-        "schema_version": 1,
-        "player": "expert",
-        "split": "test",
-        "first_seed": 0,
-        "n_seeds": 2,
-        "versions": {"a": "1"},
-    },
+    **{"schema_version": 1, "player": "expert", "split": "test", "first_seed": 0, "n_seeds": 2},
+    versions={"a": "1"},
     worlds={"lift_ball": "0123456789ab"},
     violations=("too slow",),
     loads=(VariationLoad(task="lift_ball", variation=0, load=LIGHT),),

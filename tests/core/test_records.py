@@ -137,12 +137,6 @@ def test_actions_come_back_to_the_last_bit_whatever_they_are(bits):
     assert again.tobytes() == actions.tobytes()
 
 
-def test_smooth_actions_take_less_room_than_their_numbers():
-    t = np.linspace(0, 1, 200)[:, None]
-    actions = np.sin(t * np.arange(1, 17) + np.random.default_rng(0).normal(size=16)).astype(np.float32)
-    assert len(actions_to_text(actions)) < actions.nbytes
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -1,31 +1,13 @@
-"""The feature table, and which rows of an episode each view stores."""
+"""Which rows of an episode each view stores, and what a row holds."""
 
 import numpy as np
 import pytest
 
-from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset import feature_table, schema
+from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 
 TICKS, FIRST_STAGE = 21, 12
 """Of the made-up episode: motion in ticks 0 to 7 and 12 to 16, waiting in between and after."""
-
-
-@pytest.mark.parametrize("view", schema.VIEWS)
-def test_vectors_are_flat_and_every_element_has_a_name_of_its_own(view: schema.View) -> None:
-    for key, feature in feature_table.features(CAMERA_NAMES, 64, 48, view).items():
-        if feature["dtype"] not in ("image", "video"):
-            assert len(feature["shape"]) == 1, key
-        if feature["names"] is not None and feature["dtype"] == "float32":
-            assert len(set(feature["names"])) == feature["shape"][0], key
-
-
-def test_views_differ_in_their_actions_and_the_storage_of_images_only() -> None:
-    frames, keyframes = (feature_table.features(CAMERA_NAMES, 64, 48, view) for view in schema.VIEWS)
-    assert list(frames) == list(keyframes)
-    differing = {key for key in frames if frames[key] != keyframes[key]}
-    images = {f(camera) for camera in CAMERA_NAMES for f in (schema.image_key, schema.depth_key)}
-    assert differing == images | {schema.ACTION}
 
 
 def test_a_state_hash_fits_into_a_signed_integer() -> None:

@@ -8,7 +8,7 @@ from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import run_episode
 
-pytestmark = [pytest.mark.weekly, pytest.mark.sim]
+pytestmark = pytest.mark.weekly
 
 
 @pytest.mark.parametrize(("task", "arm"), DOES_IT)

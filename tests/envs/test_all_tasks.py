@@ -9,9 +9,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode
@@ -94,16 +93,6 @@ def test_the_same_seed_gives_the_same_state_after_any_history(env):
     other.close()
 
 
-def test_the_script_begins_with_a_planned_move_inside_the_voxel_grid(env):
-    env.reset(seed=SEEDS[0])
-    script = env.task_definition.script(env.scene, env.progress.variation)
-    first = next(script)
-    assert first.planned
-    for arm in ARMS:
-        pose = getattr(first, arm.value)
-        assert pose is None or VOXEL_WORKSPACE.contains(pose.position)
-
-
 def sleepers(scene: Scene) -> int:
     return int((scene.data.tree_asleep >= 0).sum())
 
@@ -132,7 +121,6 @@ def test_a_rope_is_laid_down_at_rest_and_sleeps_after_a_tick():
     env.close()
 
 
-@pytest.mark.sim
 @pytest.mark.parametrize("name", list_tasks())
 def test_an_episode_goes_on_bit_for_bit_from_states_with_and_without_sleepers(name):
     env = BimanualEnv(name, split="val", obs="state")

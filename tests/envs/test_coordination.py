@@ -9,7 +9,6 @@ from lerobot_env_bimanual.tasks.registry import list_tasks
 
 
 @pytest.mark.weekly
-@pytest.mark.sim
 @pytest.mark.parametrize("setting", SETTINGS)
 @pytest.mark.parametrize("task", list_tasks())
 def test_keyposes_of_both_arms_vary(task, setting, monkeypatch):

@@ -10,8 +10,6 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.options import ControlMode, EnvOptions, ObservationMode
@@ -45,26 +43,6 @@ def test_environments_made_by_gymnasium_follow_its_api_and_render(instant_placem
     assert_follows_gymnasiums_api(env)
 
 
-def test_observation_has_the_names_and_shapes_of_the_dataset(rgbd_env):
-    observation, _ = rgbd_env.reset(seed=0)
-    names = {f"observation.{key}": value for key, value in observation.items()}
-    names[schema.STATE] = names.pop("observation.agent_pos")
-    pixels = names.pop("observation.pixels")
-    names |= {schema.image_key(camera): image for camera, image in pixels.items()}
-    for key, feature in feature_table.features(CAMERA_NAMES, 24, 32, "frames").items():
-        if not key.startswith("observation."):
-            assert key not in names
-            continue
-        value = names.pop(key)
-        if feature["dtype"] == "float32":
-            assert (value.dtype, value.shape) == (np.float32, feature["shape"])
-        elif feature.get("info"):
-            assert (value.dtype, value.shape) == (np.float32, (1, 24, 32))
-        else:
-            assert (value.dtype, value.shape) == (np.uint8, (24, 32, 3))
-    assert not names
-
-
 def test_vectors_say_where_the_arms_are(state_env):
     observation, _ = state_env.reset(seed=0)
     scene = state_env.scene
@@ -75,15 +53,6 @@ def test_vectors_say_where_the_arms_are(state_env):
         assert agent[7] == pytest.approx(1.0, abs=0.02)
         assert np.allclose(pose[:3], scene.tcp(arm).position, atol=1e-6)
     assert np.allclose(observation["gripper_fingers"], 0.04, atol=1e-3)
-
-
-def test_only_the_chosen_cameras_are_observed_while_calibration_covers_all(rgbd_env):
-    env = BimanualEnv(TASK, cameras=("left_wrist",), image_size=16)
-    observation, _ = env.reset(seed=0)
-    env.close()
-    assert set(observation["pixels"]) == {"left_wrist"}
-    assert [key for key in observation if key.endswith("_depth")] == ["images.left_wrist_depth"]
-    assert observation["camera_extrinsics"].shape == (80,)
 
 
 def with_entry(length: int, value: float) -> np.ndarray:

@@ -1,32 +1,20 @@
 """How keyposes are executed, and how episodes end."""
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from test_conditions import When
 
 from lerobot_bimanual.joint_action import by_arm
-from lerobot_env_bimanual.conditions import Always, Condition
+from lerobot_env_bimanual.conditions import Always
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 TASK = "lift_ball"
-
-
-@dataclass(frozen=True)
-class When(Condition):
-    """A condition that a test decides."""
-
-    label: str
-    test: Callable[[], bool] = field(repr=False)
-
-    def __call__(self, view) -> bool:
-        return self.test()
 
 
 def test_a_keypose_is_the_joint_actions_that_an_observer_saw(state_env, keypose_below):

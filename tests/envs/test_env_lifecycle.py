@@ -1,4 +1,4 @@
-"""An episode is determined bit for bit; resets with bad arguments, copies, episodes ended from outside."""
+"""An episode is determined bit for bit; resets with bad arguments, copies."""
 
 import copy
 import hashlib
@@ -8,7 +8,6 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -106,16 +105,6 @@ def test_an_episode_that_is_filmed_has_no_copy(tmp_path):
     with pytest.raises(BimanualError, match="cannot be copied"):
         copy.deepcopy(env)
     env.close()
-
-
-def test_a_caller_may_end_an_episode_as_a_failure(state_env):
-    state_env.reset(seed=0)
-    before = state_env.state_hash()
-    _, reward, terminated, truncated, info = state_env.fail("the operator gave up")
-    assert (reward, terminated, truncated, info["failure"]) == (0.0, True, False, "the operator gave up")
-    assert state_env.state_hash() == before
-    with pytest.raises(gym.error.ResetNeeded):
-        state_env.fail("again")
 
 
 def test_a_second_thread_at_once_is_refused_and_one_after_the_other_are_not(state_env):

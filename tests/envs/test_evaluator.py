@@ -16,7 +16,6 @@ from lerobot_env_bimanual.worlds import EpisodeReset
 FIRST, SECOND = (EpisodeSpec("lift_ball", "0", "val", seed, "expert") for seed in (0, 1))
 
 
-@pytest.mark.sim
 def test_an_interrupted_run_plays_only_what_is_missing(tmp_path):
     log = EpisodeLog(tmp_path / "log.jsonl")
     log.keep(FIRST, outcome(last_move="from the log"))
@@ -27,7 +26,6 @@ def test_an_interrupted_run_plays_only_what_is_missing(tmp_path):
     assert log.get(SECOND) == second == EpisodeLog(tmp_path / "log.jsonl").get(SECOND)
 
 
-@pytest.mark.sim
 def test_evaluate_writes_the_same_episodes_with_any_number_of_workers(tmp_path, capsys):
     reports = []
     for workers in (1, 2):
@@ -47,7 +45,6 @@ def test_evaluate_writes_the_same_episodes_with_any_number_of_workers(tmp_path, 
     assert "3/3" in capsys.readouterr().out
 
 
-@pytest.mark.sim
 def test_evaluate_exits_with_one_and_says_why(monkeypatch, capsys):
     monkeypatch.setattr(Evaluator, "play", lambda *_: outcomes(98, 2))
     assert expert_evaluate(ExpertEvaluateConfig("lift_ball")) == 1
@@ -57,7 +54,6 @@ def test_evaluate_exits_with_one_and_says_why(monkeypatch, capsys):
     assert "violation: lift_ball, variation 0: 98/100 is less than 99%" in printed
 
 
-@pytest.mark.sim
 def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_another_world(
     tmp_path, monkeypatch
 ):

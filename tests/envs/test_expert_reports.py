@@ -22,7 +22,6 @@ from lerobot_env_bimanual.reports.expert_tables import (
     LANGUAGE_ABLATED,
     ROUNDED,
     ExpertReports,
-    movable_items,
     success_table,
     tasks_page,
 )
@@ -86,7 +85,6 @@ def test_baselines_must_fail():
     assert {*EXPERTS, "random", *MAX_RATES} == {*PLAYERS}
 
 
-@pytest.mark.sim
 def test_a_report_comes_back_from_its_file_without_what_a_replay_gives(tmp_path):
     played = [*outcomes(3, 1), outcome(variation=0, seed=4, load=LIGHT.model_copy(update={"torque": 0.9}))]
     report = make_report(played, "expert", "test", first_seed=0, n_seeds=5)
@@ -102,7 +100,6 @@ def test_a_report_comes_back_from_its_file_without_what_a_replay_gives(tmp_path)
 # ---- committed reports ----
 
 
-@pytest.mark.sim
 def test_a_committed_report_is_of_the_present_worlds_complete_and_without_violation():
     for (setting, name), report in REPORTS.items():
         assert (report.player, report.setting) == (name.removesuffix("_discretised"), setting)
@@ -148,7 +145,6 @@ def gives_committed_states() -> bool:
 SAMPLES = [(*key, *place) for key, report in EXPERT_REPORTS.items() for place in report.by_variation]
 
 
-@pytest.mark.sim
 @pytest.mark.parametrize(("setting", "name", "task", "variation"), SAMPLES)
 def test_a_sample_of_every_variation_comes_out_again(setting, name, task, variation, gives_committed_states):
     # Another one of its seeds for every task and variation.
@@ -157,12 +153,6 @@ def test_a_sample_of_every_variation_comes_out_again(setting, name, task, variat
     assert [move.name for move in found.moves] == [move.name for move in committed.moves]
     if gives_committed_states:
         assert found.state_hash.startswith(committed.state_hash)
-
-
-def test_movable_items_are_free_objects_doors_drawers_and_buttons():
-    assert movable_items("lift_ball") == 1
-    assert movable_items("lift_tray") == 2  # tray and cube
-    assert movable_items("put_item_in_drawer") == 4  # three drawers and the item
 
 
 def test_the_page_in_the_documentation_is_what_the_reports_say(tmp_path, monkeypatch):
@@ -223,7 +213,6 @@ def test_a_folder_without_reports_is_refused_with_the_command_that_writes_them(t
         expert_report(ExpertReportConfig(expert_reports=tmp_path))
 
 
-pytestmark = pytest.mark.sim
 TASK = "lift_ball"
 
 

@@ -19,7 +19,6 @@ from lerobot_env_bimanual.experts.baselines import Layout, demonstrations, make_
 from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, keyframes_found, run_measured
 from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contact_forces import felt
@@ -44,7 +43,6 @@ def env_of():
         env.close()
 
 
-@pytest.mark.sim
 @pytest.mark.parametrize(("seed", "codec"), [(0, None), (1, KeyposeCodec()), (2, KeyposeCodec())])
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_the_expert_solves_its_task_exactly_and_rounded(env_of, name, seed, codec):
@@ -58,7 +56,6 @@ def test_the_expert_solves_its_task_exactly_and_rounded(env_of, name, seed, code
     assert outcome.ticks <= 0.8 * env_of(name).task_definition.spec.horizon_ticks
 
 
-@pytest.mark.sim
 def test_the_outcome_reports_the_keyposes_as_they_were_executed(env_of):
     moves = []
     outcome = run_episode(env_of("handover_item_easy"), SEED, expert(KeyposeCodec()), moves.append)
@@ -82,7 +79,6 @@ def test_holding_still_ends_with_the_time(env_of):
     assert outcome.ticks == env.task_definition.spec.horizon_ticks
 
 
-@pytest.mark.sim
 def test_a_hand_that_is_kept_from_arriving_is_reported_unless_it_presses_what_it_should(env_of):
     env = env_of("lift_ball")
     solved = run_episode(env, SEED, expert())
@@ -97,7 +93,6 @@ def test_a_hand_that_is_kept_from_arriving_is_reported_unless_it_presses_what_it
     assert 1 in run_episode(env, SEED, silent).late_moves
 
 
-@pytest.mark.sim
 def test_the_open_loop_baseline_plays_the_given_keyposes_and_skips_what_it_cannot_reach(env_of):
     solved = run_episode(env_of("lift_ball"), SEED, expert())
     keyposes = solved.commands
@@ -167,16 +162,6 @@ def _poses(stage) -> np.ndarray:
     return np.concatenate([pose.matrix.ravel() for pose in poses])
 
 
-def test_no_colour_of_a_button_tells_whether_it_is_meant():
-    targets = {color for *asked_for, _ in TRIPLES for color in asked_for}
-    left_alone = {other for *_, other in TRIPLES}
-    assert targets == left_alone == set(COLORS)
-    answers = [frozenset(triple[:2]) for triple in TRIPLES]
-    assert len(set(answers)) == len(answers)
-    for triple in TRIPLES:
-        assert sum(set(triple) == set(other) for other in TRIPLES) > 1
-
-
 def test_frames_of_an_expert_hold_the_actions_that_solve_the_task() -> None:
     frames = list(play_expert("lift_ball", seed=3, obs="state"))
     env = BimanualEnv("lift_ball", obs="state")
@@ -193,13 +178,10 @@ LIMITS = PANDA_PAIR.joint_limits
 
 
 @pytest.fixture(scope="module")
-def env():
-    env = BimanualEnv("lift_ball", split="val", obs="state")
-    yield env
-    env.close()
+def env(env_of):
+    return env_of("lift_ball")
 
 
-@pytest.mark.sim
 @pytest.mark.parametrize("mode", ["none", "joint", "keypose"])
 def test_measuring_leaves_an_episode_as_it_is_and_its_replay_goes_through_the_same_states(env, mode):
     found = run_measured(env, MEASURED_SEED, expert(), mode)
@@ -211,7 +193,6 @@ def test_measuring_leaves_an_episode_as_it_is_and_its_replay_goes_through_the_sa
     assert unmeasured == run_episode(env, MEASURED_SEED, expert())  # the last state's hash among all else
 
 
-@pytest.mark.sim
 def test_a_replay_of_other_actions_and_keyframes_at_other_ticks_are_reported(env, monkeypatch):
     actions = []
     with env.observed_by(lambda _, action: actions.append(action.copy())):

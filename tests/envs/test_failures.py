@@ -23,8 +23,6 @@ from lerobot_env_bimanual.tasks import dual_push_buttons, handover_item
 from lerobot_env_bimanual.tasks._handover import hand_over
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
 
-pytestmark = pytest.mark.sim
-
 EASY, TRAY = "handover_item_easy", "lift_tray"
 LEFT_X, LEFT_Z, LEFT_QW, LEFT_OPEN, RIGHT_X, RIGHT_OPEN = 0, 2, 3, 7, 9, 16
 OPTIONS: dict[str, str | int] = {"split": "test", "max_keyposes": 25}

@@ -25,8 +25,6 @@ from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 from lerobot_env_bimanual.verification.episodes import EpisodeVerifier
 
-pytestmark = pytest.mark.sim
-
 SEEDS = range(3, 8)
 
 
@@ -35,14 +33,7 @@ class Interrupted(Exception):
 
 
 class Program:
-    """Evaluates like `lerobot-eval`, two environments at a time; its policy draws random numbers.
-
-    Args:
-        folder: of the records.
-        asynchronous: whether environments have processes of their own.
-        policy: what is evaluated.
-        options: of the environment.
-    """
+    """Evaluates like `lerobot-eval`, two environments at a time; its policy draws random numbers."""
 
     def __init__(self, folder: Path, asynchronous=False, policy="a", seeds=SEEDS, **options):
         self.steps, self.successes = 0, []
@@ -244,7 +235,7 @@ def test_a_record_is_replayed_as_claimed_and_what_is_changed_in_it_is_told(undis
     assert results_verify(config) == 1
     printed = capsys.readouterr().out
     assert f"seed 3: ticks is 999, but {first.ticks} in the replay" in printed
-    assert "world of lift_ball is 000000000000" in printed
+    assert f"world of lift_ball is 000000000000, but {world_version('lift_ball')} here" in printed
     elsewhere = record.model_copy(update={"episodes": changed, "versions": {"libc": "glibc-1.0"}})
     elsewhere.write(path)
     assert results_verify(config) == 1

@@ -21,7 +21,6 @@ from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.failures.agreement import plans_of_arms
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
-pytestmark = pytest.mark.sim
 TASKS = [name for name in list_tasks() if len(get_task(name).spec.plans) > 1]
 FIRST_SEED = 2_150_000
 

@@ -4,14 +4,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import lerobot_env_bimanual
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import feature_table
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual import BimanualEnv, evaluate, make_env
-
-pytestmark = pytest.mark.sim
 
 SEEDS, NAME = (9, 4, 5), "handover_item_test_record.json"
 FEW = {"obs": "state", "max_keyposes": 2, "progress": False}
@@ -93,12 +90,3 @@ def test_gymnasium_gives_lerobots_keys_if_it_is_asked_to():
     assert env.step(np.full(18, 2.0, np.float32))[2]
     with pytest.raises(InvalidChoice, match=r"results_dir is 'here', but must be given to `evaluate`"):
         make_env("lift_ball", results_dir="here")
-
-
-def test_the_front_door_names_what_people_need():
-    assert (
-        {"evaluate", "make_env", "play_expert"}
-        < {*dir(lerobot_env_bimanual)}
-        == {*lerobot_env_bimanual.__all__}
-    )
-    assert all(hasattr(lerobot_env_bimanual, name) for name in dir(lerobot_env_bimanual))

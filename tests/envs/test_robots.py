@@ -1,12 +1,8 @@
-import itertools
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.joint_action import GRIPPER_FRAMES
-from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots import panda
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.scene import Scene
@@ -21,18 +17,6 @@ def put_joints(scene: Scene, arm: Arm, joints: np.ndarray) -> None:
 
 def action(left: np.ndarray, right: np.ndarray, gripper: float = 1.0) -> np.ndarray:
     return np.array([*left, gripper, *right, gripper], dtype=np.float32)
-
-
-def test_weight_does_not_bend_the_arms(scene):
-    rng = np.random.default_rng(1)
-    for arm in ARMS:
-        put_joints(scene, arm, PANDA_PAIR.home_joints + rng.uniform(-0.1, 0.1, 7))
-    held = action(*(scene.joint_positions(arm) for arm in ARMS))
-    for _ in range(20):
-        scene.tick(held)
-    assert not scene.unstable
-    for arm, joints in zip(ARMS, (held[:7], held[8:15]), strict=True):
-        assert np.abs(scene.joint_positions(arm) - joints).max() < 1e-4
 
 
 def test_motors_carry_the_weight_within_their_torque_limits(scene):
@@ -79,23 +63,6 @@ def test_a_folded_hand_meets_its_own_forearm(scene):
         assert scene.contacts(f"{arm.value}_link5", PANDA_PAIR.hand_body(arm))
 
 
-@pytest.mark.parametrize(("inner", "outer"), panda.NEVER_MEETING)
-def test_links_that_are_left_out_of_collisions_never_meet(scene, inner, outer):
-    model, data = scene.model, scene.data
-    shapes = [
-        np.flatnonzero((model.geom_bodyid == model.body(f"left_{link}").id) & (model.geom_contype > 0))
-        for link in (inner, outer)
-    ]
-    pairs = list(itertools.product(*shapes))
-    between = range(("base", *(f"link{i}" for i in range(1, 8))).index(inner), 7)[:2]
-    angles = [np.linspace(PANDA_PAIR.joint_lower[i], PANDA_PAIR.joint_upper[i], 13) for i in between]
-    for posture in itertools.product(*angles):
-        data.qpos[:7] = PANDA_PAIR.home_joints
-        data.qpos[list(between)] = posture
-        mujoco.mj_kinematics(model, data)
-        assert min(mujoco.mj_geomDistance(model, data, a, b, 1.0, None) for a, b in pairs) > 0.002
-
-
 @pytest.mark.parametrize("arm", ARMS)
 def test_a_gripper_closes_opens_and_reports_it(scene, arm):
     command = scene.commanded
@@ -120,14 +87,3 @@ def test_a_gripper_closes_opens_and_reports_it(scene, arm):
         scene.tick(command)
     half = PANDA_PAIR.finger_target_m(0.5) / PANDA_PAIR.finger_travel_m
     assert scene.gripper_opening(arm) == pytest.approx(half, abs=0.02)
-
-
-def test_a_scene_refuses_robots_whose_actuators_are_in_another_order():
-    def gripper_first(spec, prefix, base):
-        PANDA_PAIR.add_arm(spec, prefix, base)
-        spec.actuator(f"{prefix}_actuator1").name = "swap"
-        spec.actuator(f"{prefix}_actuator2").name = f"{prefix}_actuator1"
-        spec.actuator("swap").name = f"{prefix}_actuator2"
-
-    with pytest.raises(ValueError, match="order of the joint action"):
-        Scene(arm_pair=replace(PANDA_PAIR, add_arm=gripper_first))

@@ -5,10 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.baselines import Layout
-from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -47,12 +44,6 @@ def test_episodes_differ_in_the_size_of_their_things(env):
         env.scene.prop(Ball, "bottle")
 
 
-def test_the_nearest_baseline_is_told_of_everything_but_arms_and_room(env):
-    env.reset(seed=0)
-    of_arms = env.scene.bodies(tuple(env.scene.arm_pair.base_body(arm) for arm in ARMS))
-    assert len(Layout.of(env).positions_m) == np.count_nonzero(~of_arms[1:])
-
-
 def test_an_episode_goes_on_bit_for_bit_after_one_with_other_things(env):
     first, second = _two_seeds(env)
     env.reset(seed=first)
@@ -78,8 +69,3 @@ def test_the_same_seed_is_another_episode_in_each_setting():
         places.append(env.scene.pose("left_button").position[:2])
     assert not np.allclose(*places)
     assert world_version("lift_ball") != world_version("lift_ball", setting="varied")
-
-
-def test_the_expert_reads_the_sizes_of_the_scene(env):
-    for seed in _two_seeds(env):
-        assert run_episode(env, seed, expert()).success

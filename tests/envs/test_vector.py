@@ -223,16 +223,8 @@ def parse(*arguments: str) -> EnvConfig:
 
 
 def test_flags_reach_the_environment():
-    given = {
-        "variation": 0,
-        "split": "val",
-        "cameras": "front,left_wrist",
-        "image_size": "24x32",
-        "obs": "rgb",
-        "control_mode": "joint",
-        "video_dir": "films",
-        "max_keyposes": 7,
-    }
+    given = {"variation": 0, "split": "val", "cameras": "front,left_wrist", "image_size": "24x32"}
+    given |= {"obs": "rgb", "control_mode": "joint", "video_dir": "films", "max_keyposes": 7}
     config = parse("--env.task=lift_ball", *(f"--env.{name}={value}" for name, value in given.items()))
     options = BimanualEnv("lift_ball", **config.gym_kwargs).options
     assert {name: getattr(options, name) for name in given} == given

@@ -7,8 +7,6 @@ import pytest
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.world.video import VideoWriter
 
-pytestmark = pytest.mark.sim
-
 
 def read_frames(path) -> np.ndarray:
     with av.open(str(path)) as container:

@@ -157,17 +157,8 @@ print(json.dumps([summaries, loads]))
 
 @pytest.mark.parametrize("command", CONFIGS)
 def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command):
-    defaults = {
-        "sample": 0,
-        "sample_seed": 0,
-        "workers": 0,
-        "variation": "any",
-        "split": "test",
-        "perturb": "",
-        "first_seed": 0,
-        "episodes": 100,
-        "task": "all",
-    }
+    defaults = dict.fromkeys(("sample", "sample_seed", "workers", "first_seed"), 0)
+    defaults |= {"variation": "any", "split": "test", "perturb": "", "episodes": 100, "task": "all"}
     exceptions: dict[tuple[str, str], object] = {("dataset generate", "split"): "train"}
     exceptions |= {("task view", "episodes"): 1}  # pictures of each
     exceptions[("policy robustness", "episodes")] = 20  # of some sixty conditions

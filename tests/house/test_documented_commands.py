@@ -74,11 +74,8 @@ def words_after(program: str) -> list[list[str]]:
 @pytest.mark.parametrize(
     "program",
     [
-        "lerobot-bimanual",
-        "(?<!bimanual-)lerobot-train",
-        "lerobot-bimanual-train",
-        "lerobot-eval",
-        "lerobot-bimanual-eval",
+        *("lerobot-bimanual", "(?<!bimanual-)lerobot-train", "lerobot-eval"),
+        *("lerobot-bimanual-train", "lerobot-bimanual-eval"),
     ],
 )
 def test_the_commands_of_our_and_lerobots_programs_parse(program, monkeypatch):

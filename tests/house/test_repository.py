@@ -11,6 +11,7 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 import lerobot_bimanual
+import lerobot_env_bimanual
 from lerobot_env_bimanual.experts.world_version import CERTIFIED_MUJOCO
 
 ROOT = Path(__file__).parents[2]
@@ -116,11 +117,11 @@ def test_the_page_of_compatibility_states_the_declared_ranges() -> None:
     assert {name: {range_} for name, range_ in stated.items()} == declared
 
 
-def test_every_public_name_is_there_and_none_besides() -> None:
-    for name in lerobot_bimanual.__all__:
-        assert getattr(lerobot_bimanual, name) is not None
-    with pytest.raises(AttributeError, match="Keypoze"):
-        _ = lerobot_bimanual.Keypoze
+@pytest.mark.parametrize("package", [lerobot_bimanual, lerobot_env_bimanual])
+def test_every_public_name_is_there_and_none_besides(package) -> None:
+    assert dir(package) == sorted(package.__all__)
+    assert all(hasattr(package, name) for name in package.__all__)
+    assert not hasattr(package, "Keypoze")
 
 
 FOLDERS = ("lerobot_bimanual", "envs", "policies", "robots", "benchmarks", "scripts", "examples", "docs")

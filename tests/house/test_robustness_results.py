@@ -34,7 +34,6 @@ def test_a_report_of_the_expert_has_every_condition_that_changes_what_happens():
 
 
 @pytest.mark.slow
-@pytest.mark.sim
 def test_a_condition_drawn_at_random_of_each_file_is_of_the_present_world():
     """Others in every run."""
     for result in EXPERTS.values():

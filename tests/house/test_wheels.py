@@ -163,18 +163,10 @@ def test_a_task_of_another_distribution_is_listed_measured_recorded_and_scored(p
     root = tmp_path / "dataset"
     sizes = ("--task=raise_block", "--episodes=1", "--view=keyframes", "--image_size=32", "--workers=1")
     succeed(python, *ours, "dataset", "generate", *sizes, f"--root={root}")
-    evaluation = (
-        f"--policy.path={ROOT / 'results/checkpoints/peract2_on_all'}",
-        "--policy.device=cpu",
-        "--env.type=bimanual",
-        "--env.task=raise_block",
-        "--env.image_size=128",
-        "--env.max_keyposes=2",
-        "--eval.n_episodes=2",
-        "--eval.batch_size=2",
-        "--eval.use_async_envs=true",
-        f"--output_dir={tmp_path}",
-    )
+    policy = (f"--policy.path={ROOT / 'results/checkpoints/peract2_on_all'}", "--policy.device=cpu")
+    env = ("--env.type=bimanual", "--env.task=raise_block", "--env.image_size=128", "--env.max_keyposes=2")
+    counts = ("--eval.n_episodes=2", "--eval.batch_size=2", "--eval.use_async_envs=true")
+    evaluation = (*policy, *env, *counts, f"--output_dir={tmp_path}")
     succeed(python, "-m", "lerobot.scripts.lerobot_eval", *evaluation)
     evaluated = json.loads((tmp_path / "eval_info.json").read_text())
     assert [task["task_group"] for task in evaluated["per_task"]] == ["raise_block"]

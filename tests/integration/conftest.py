@@ -38,16 +38,9 @@ def tiny_flags() -> dict[str, tuple[str, ...]]:
 def generation(root: Path, **options) -> DatasetGenerateConfig:
     """Three episodes of one task in two shards, both views, with small images of two cameras."""
     defaults = {
-        "task": "lift_ball",
-        "episodes": 3,
-        "view": "both",
-        "image_size": "24x32",
-        "cameras": ("front", "left_wrist"),
-        "depth": True,
-        "intermediate": (0.5,),
-        "episodes_per_shard": 2,
-        "workers": 1,
-        "repo_id": "local/small",
+        **{"task": "lift_ball", "episodes": 3, "view": "both", "image_size": "24x32", "depth": True},
+        **{"cameras": ("front", "left_wrist"), "intermediate": (0.5,), "episodes_per_shard": 2},
+        **{"workers": 1, "repo_id": "local/small"},
     }
     return DatasetGenerateConfig(**defaults | options, root=root)
 
@@ -69,18 +62,9 @@ class PoolOfThisProcess(contextlib.nullcontext):
 
 
 class RecordsHere:
-    """An executor that works in the calling process and keeps a list of what it was asked to record.
+    """An executor that records in the calling process, in some order, and is interrupted after `limit` shards."""
 
-    Args:
-        order: brings the shards of a round into the order in which they are recorded.
-        limit: number of shards after which it is interrupted.
-    """
-
-    def __init__(
-        self,
-        order: Callable[[Sequence[Job]], Iterator[Job]] = iter,
-        limit: int = 1000,
-    ):
+    def __init__(self, order: Callable[[Sequence[Job]], Iterator[Job]] = iter, limit: int = 1000):
         self.recorded: list[str] = []
         self._order, self._limit = order, limit
         self._patch = pytest.MonkeyPatch()

@@ -4,7 +4,6 @@ import io
 import json
 import runpy
 import sys
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -68,18 +67,6 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(small):
     (resumed, *_) = begun_by(plan)
     assert resumed.startswith("lerobot-bimanual-train --config_path=")
     assert resumed.endswith("--resume=true")
-
-
-@pytest.mark.weekly
-def test_benchmarks_of_several_tasks_score_one_network(small):
-    tasks = ("lift_ball", "push_box")
-    fewer = {"demos": 1, "steps": 2, "save_freq": 1, "val_episodes": None, "test_episodes": 1}
-    for task in tasks:
-        begun_by(Plan.of(replace(small, task=task, trained_on=",".join(tasks), **fewer)))
-    scored = [BenchmarkResult.read(path) for path in sorted((small.output / "results").glob("*.json"))]
-    assert [row.task for row in scored] == list(tasks)
-    assert {row.config.policy_id for row in scored} == {"peract2_on_lift_ball.push_box"}
-    assert len({row.checkpoint_sha256 for row in scored}) == 1
 
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

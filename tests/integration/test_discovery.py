@@ -62,13 +62,6 @@ def test_discovery_loads_neither_mujoco_nor_networks(discovery: Any) -> None:
     assert not heavy + [name for name in networks if name.startswith("lerobot_policy_bimanual")]
 
 
-def test_core_alone_loads_no_heavy_library(tmp_path) -> None:
-    program = "import sys, lerobot_bimanual; print(*sys.modules)"
-    loaded = run(sys.executable, "-c", program, folder=tmp_path).split()
-    assert "lerobot_bimanual" in loaded
-    assert not {"lerobot", "torch", "mujoco", "gymnasium", "datasets", "draccus"} & set(loaded)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("family", "base"), [("policy", PreTrainedConfig), ("env", EnvConfig)])
 def test_the_flags_that_are_read_from_sources_are_those_of_the_configs(family, base) -> None:

@@ -14,7 +14,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 
-pytestmark = [pytest.mark.weekly, pytest.mark.sim]
+pytestmark = pytest.mark.weekly
 
 
 @pytest.fixture(scope="module")

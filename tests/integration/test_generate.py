@@ -29,8 +29,6 @@ from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
 from lerobot_env_bimanual.options import EnvOptions
 
-pytestmark = pytest.mark.sim
-
 
 def test_both_views_hold_the_same_episodes_and_keyframes_the_stages_with_the_asked_rows_between(generated):
     frames, keyframes = (RecordedDataset(generated / view) for view in schema.VIEWS)

@@ -11,7 +11,6 @@ EXAMPLE = Path(__file__).parents[2] / "examples/11_ray_cluster.py"
 
 
 @pytest.mark.weekly
-@pytest.mark.sim
 @pytest.mark.timeout(900)
 def test_two_machines_give_the_dataset_of_one_process(
     generated, small_generation, tree_hashes, tmp_path, monkeypatch

@@ -14,7 +14,7 @@ import pytest
 from programs import run
 from test_kill_generate import kill
 
-pytestmark = [pytest.mark.weekly, pytest.mark.sim, pytest.mark.timeout(36_000)]
+pytestmark = [pytest.mark.weekly, pytest.mark.timeout(36_000)]
 
 KILLS = int(os.environ.get("KILLS", "1"))
 """Of each kind; the drill takes a hundred."""

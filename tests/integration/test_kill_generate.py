@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from worker_jobs import processes_of
 
-pytestmark = [pytest.mark.weekly, pytest.mark.sim, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.weekly, pytest.mark.timeout(1800)]
 
 FLAGS = (
     *("--task=lift_ball", "--episodes=3", "--view=both", "--image_size=24x32", "--cameras=front,left_wrist"),

@@ -1,4 +1,4 @@
-"""LeRobot's own evaluation loop drives the environment with joint actions and keyposes."""
+"""LeRobot's own evaluation loop plays several tasks at the same time."""
 
 from collections.abc import Callable
 from unittest.mock import MagicMock
@@ -9,7 +9,7 @@ from lerobot.envs.factory import make_env
 from lerobot.envs.utils import close_envs
 from lerobot.policies import PreTrainedPolicy
 from lerobot.processor import PolicyProcessorPipeline
-from lerobot.scripts.lerobot_eval import eval_policy, eval_policy_all
+from lerobot.scripts.lerobot_eval import eval_policy_all
 
 from lerobot_bimanual.dataset import schema
 from lerobot_env_bimanual import BimanualEnvConfig
@@ -32,34 +32,11 @@ def observed(policy: MagicMock, key: str) -> torch.Tensor:
     return torch.stack([call.args[0][key] for call in policy.select_action.call_args_list])
 
 
-def hands_down(batch) -> torch.Tensor:
-    """Keyposes: 5 cm lower than now, open, contact motion; later ones are out of the workspace."""
-    poses = batch[schema.EE_POSE].reshape(-1, 2, 7).clone()
-    poses[..., 2] += torch.where(batch[schema.KEYPOSE_STEP] < 2, -0.05, 2.0)
-    flags = torch.ones(*poses.shape[:2], 2)
-    return torch.cat([poses, flags], dim=-1).flatten(1)
-
-
 def processors() -> dict[str, PolicyProcessorPipeline]:
     """Processors that change nothing."""
     names = ("env_preprocessor", "env_postprocessor", "preprocessor")
     action = PolicyProcessorPipeline(steps=[], to_transition=lambda a: a, to_output=lambda a: a)
     return {name: PolicyProcessorPipeline(steps=[]) for name in names} | {"postprocessor": action}
-
-
-@pytest.mark.parametrize("asynchronous", [False, True])
-def test_keyposes_pass_through_the_evaluation_loop(asynchronous):
-    config = BimanualEnvConfig(task="lift_ball", image_size=SIZE)
-    envs = make_env(config, n_envs=2, use_async_envs=asynchronous)
-    policy = scripted_policy(hands_down)
-    (env,) = envs["lift_ball"].values()
-    info = eval_policy(env, policy, **processors(), n_episodes=2, start_seed=7)
-    close_envs(envs)
-    assert [episode["seed"] for episode in info["per_episode"]] == [7, 8]
-    assert info["aggregated"]["pc_success"] == 0.0
-    assert observed(policy, schema.KEYPOSE_STEP).squeeze(-1).tolist() == [[0, 0], [1, 1], [2, 2]]
-    heights = observed(policy, schema.EE_POSE)[:, :, 2]
-    assert torch.allclose(heights.diff(dim=0), torch.tensor(-0.05), atol=5e-3)
 
 
 @pytest.fixture

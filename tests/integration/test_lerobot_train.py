@@ -20,14 +20,9 @@ CONSTANT = ["--policy.lr_schedule=constant"]
 NOTHING_RANDOM = ["--policy.attention_dropout=0", "--policy.augmentation=false"]
 CAMERA = {"type": "VISUAL", "shape": [3, SIZE, SIZE]}
 TINY_ACT = [
-    "--policy.type=act",
-    "--policy.pretrained_backbone_weights=null",
-    "--policy.dim_model=32",
-    "--policy.n_heads=2",
-    "--policy.dim_feedforward=64",
-    "--policy.n_encoder_layers=1",
-    "--policy.chunk_size=5",
-    "--policy.n_action_steps=5",
+    *("--policy.type=act", "--policy.pretrained_backbone_weights=null", "--policy.dim_model=32"),
+    *("--policy.n_heads=2", "--policy.dim_feedforward=64", "--policy.n_encoder_layers=1"),
+    *("--policy.chunk_size=5", "--policy.n_action_steps=5"),
     "--policy.input_features="
     + json.dumps(
         {f"observation.images.{camera}": CAMERA for camera in ("front", "left_wrist", "right_wrist")}
@@ -43,37 +38,21 @@ def train(
     *flags: str, folder: Path, data: str, steps: int, output: str, command: str = "lerobot-train"
 ) -> None:
     """Train on a dataset in the folder, and keep the last step."""
-    run(
-        command,
-        *flags,
+    places = (
         f"--dataset.repo_id=local/{Path(data).name}",
         f"--dataset.root={data}",
         f"--output_dir={output}",
-        f"--steps={steps}",
-        f"--save_freq={steps}",
-        "--policy.device=cpu",
-        "--policy.push_to_hub=false",
-        "--batch_size=2",
-        "--num_workers=0",
-        "--env_eval_freq=0",
-        folder=folder,
     )
+    counts = (f"--steps={steps}", f"--save_freq={steps}", "--batch_size=2", "--num_workers=0")
+    alone = ("--policy.device=cpu", "--policy.push_to_hub=false", "--env_eval_freq=0")
+    run(command, *flags, *places, *counts, *alone, folder=folder)
 
 
 def evaluate(output: str, folder: Path, *flags: str) -> dict:
-    run(
-        "lerobot-eval",
-        f"--policy.path={output}/checkpoints/last/pretrained_model",
-        "--policy.device=cpu",
-        "--env.type=bimanual",
-        "--env.task=push_box",
-        f"--env.image_size={SIZE}",
-        "--eval.n_episodes=1",
-        "--eval.batch_size=1",
-        f"--output_dir={output}/eval",
-        *flags,
-        folder=folder,
-    )
+    policy = (f"--policy.path={output}/checkpoints/last/pretrained_model", "--policy.device=cpu")
+    env = ("--env.type=bimanual", "--env.task=push_box", f"--env.image_size={SIZE}", *flags)
+    one = ("--eval.n_episodes=1", "--eval.batch_size=1", f"--output_dir={output}/eval")
+    run("lerobot-eval", *policy, *env, *one, folder=folder)
     return json.loads((folder / output / "eval" / "eval_info.json").read_text())["overall"]
 
 
@@ -94,15 +73,8 @@ def checkpoint_config(folder: Path) -> dict:
 def room(tmp_path_factory) -> Path:
     """A folder with a dataset of two demonstrations in both views."""
     folder = tmp_path_factory.mktemp("two words Ω")
-    flags = (
-        "--task=push_box",
-        "--episodes=2",
-        f"--image_size={SIZE}",
-        "--workers=1",
-        "--view=both",
-        "--root=data",
-    )
-    run("lerobot-bimanual", "dataset", "generate", *flags, folder=folder)
+    sizes = ("--task=push_box", "--episodes=2", f"--image_size={SIZE}", "--workers=1")
+    run("lerobot-bimanual", "dataset", "generate", *sizes, "--view=both", "--root=data", folder=folder)
     return folder
 
 
@@ -201,14 +173,9 @@ def test_our_evaluation_refuses_a_strangers_checkpoint_on_one_line(change, said,
     folder = Path(shutil.copytree(SHIPPED, tmp_path / "strange"))
     config = json.loads((folder / "config.json").read_text()) | change
     (folder / "config.json").write_text(json.dumps(config))
-    words = (
-        "lerobot-bimanual-eval",
-        "--config_path=eval.yaml" if in_a_file else f"--policy.path={folder}",
-        "--env.type=bimanual",
-        "--env.task=lift_ball",
-        "--eval.batch_size=1",
-    )
     (tmp_path / "eval.yaml").write_text(json.dumps({"policy": {"path": str(folder)}}))
-    told = run(*words, folder=tmp_path, fails=True).splitlines()
+    policy = "--config_path=eval.yaml" if in_a_file else f"--policy.path={folder}"
+    env = ("--env.type=bimanual", "--env.task=lift_ball", "--eval.batch_size=1")
+    told = run("lerobot-bimanual-eval", policy, *env, folder=tmp_path, fails=True).splitlines()
     assert said in told[-1]
     assert len(told) <= 2

@@ -47,21 +47,12 @@ def records(output: Path) -> dict[str, EvaluationRecord]:
 
 @pytest.mark.parametrize(("episodes_before", "asynchronous"), [(0, False), (2, True)])
 def test_nominal_is_what_lerobot_eval_gives_bit_for_bit(played, tmp_path, episodes_before, asynchronous):
-    run(
-        "lerobot-eval",
-        f"--policy.path={TRAINED}",
-        "--policy.device=cpu",
-        "--env.type=bimanual",
-        f"--env.task={TASK}",
-        "--env.image_size=128",
-        f"--env.results_dir={tmp_path}",
-        f"--eval.n_episodes={episodes_before + len(SEEDS)}",
-        "--eval.batch_size=2",
-        f"--eval.use_async_envs={str(asynchronous).lower()}",
-        f"--seed={SEEDS[0] - episodes_before}",
-        f"--output_dir={tmp_path}",
-        folder=tmp_path,
-    )
+    policy = (f"--policy.path={TRAINED}", "--policy.device=cpu", f"--seed={SEEDS[0] - episodes_before}")
+    env = ("--env.type=bimanual", f"--env.task={TASK}", "--env.image_size=128")
+    counts = (f"--eval.n_episodes={episodes_before + len(SEEDS)}", "--eval.batch_size=2")
+    places = (f"--env.results_dir={tmp_path}", f"--output_dir={tmp_path}")
+    beside = f"--eval.use_async_envs={str(asynchronous).lower()}"
+    run("lerobot-eval", *policy, *env, *counts, *places, beside, folder=tmp_path)
     stock, ours = EvaluationRecord.read(tmp_path / f"{TASK}_test_record.json"), records(played)["nominal"]
     # The proof of an episode holds every action and the state after it.
     assert [episode.seed for episode in ours.episodes] == [*SEEDS]

@@ -15,8 +15,6 @@ from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate, make_dataset, settings_of
 from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors, staged
 
-pytestmark = pytest.mark.sim
-
 
 @pytest.fixture(scope="module")
 def options(small_generation):

@@ -16,7 +16,7 @@ from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import schema
 from lerobot_policy_bimanual.inspection.loading import batch_of
 
-pytestmark = [pytest.mark.weekly, pytest.mark.sim]
+pytestmark = pytest.mark.weekly
 
 EXAMPLE = Path(__file__).parents[2] / "examples/10_subtasks.py"
 STAGES = ["beside", "squeeze", "lift"]

@@ -19,8 +19,6 @@ from lerobot_env_bimanual.verification.columns import Player
 from lerobot_env_bimanual.verification.rendering import ALL_ROWS
 from lerobot_env_bimanual.verification.verifier import Thoroughness, Verifier, check_files
 
-pytestmark = pytest.mark.sim
-
 
 @pytest.fixture(scope="module")
 def player() -> Iterator[Player]:

@@ -23,7 +23,6 @@ def frames(film: Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="rgb24").astype(float) for frame in opened.decode(video=0)]
 
 
-@pytest.mark.sim
 def test_a_video_is_written_and_its_outcome_told(capsys) -> None:
     assert main(["task", "view", "--task=lift_ball", "--first_seed=3", "--output=films"]) == 0
     outcome, file = capsys.readouterr().out.splitlines()
@@ -38,7 +37,6 @@ def test_a_video_is_written_and_its_outcome_told(capsys) -> None:
     assert np.abs(pictures[0] - pictures[-1]).mean() > 1
 
 
-@pytest.mark.sim
 def test_a_video_shows_the_perturbation_that_its_name_says() -> None:
     flags = ("--task=lift_ball", "--output=films", "--setting=varied", "--camera=right_shoulder")
     for perturb in ("", "light:3,arm_late:1"):

@@ -42,7 +42,6 @@ class Server(ModelServer):
         return self.benchmark.get_observation_spec()
 
 
-@pytest.mark.sim
 def test_the_harness_solves_with_the_experts_keyposes_what_it_does_not_solve_without(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(EXAMPLE))
     config = yaml.safe_load((EXAMPLE / "bimanual.yaml").read_text())

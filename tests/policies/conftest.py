@@ -59,15 +59,10 @@ def with_option(variant: str, option: str, variants: dict[str, dict[str, Any]]) 
 
 
 class Specimen(NamedTuple):
-    """What the tests that walk all policies know of one.
+    """What the tests that walk all policies know of one."""
 
-    Attributes:
-        parameters: At default settings, without the language encoder.
-        tiny: Variants to test, by name: options of a config as small as can be.
-    """
-
-    parameters: int
-    tiny: dict[str, dict[str, Any]]
+    parameters: int  # at default settings, without the language encoder
+    tiny: dict[str, dict[str, Any]]  # by the name of a variant: options of a config as small as can be
 
 
 SPECIMENS = {

@@ -214,14 +214,9 @@ def test_a_policy_that_is_compiled_is_checked_without_compiling(checkpoint, monk
 
 
 def test_a_policy_of_lerobot_is_checked_without_being_built(save_policy, tmp_path, capsys):
+    sizes = {"dim_model": 32, "n_heads": 2, "dim_feedforward": 64, "n_encoder_layers": 1}
     options = {
-        "device": "cpu",
-        "pretrained_backbone_weights": None,
-        "dim_model": 32,
-        "n_heads": 2,
-        "dim_feedforward": 64,
-        "n_encoder_layers": 1,
-        "n_vae_encoder_layers": 1,
+        **sizes | {"device": "cpu", "pretrained_backbone_weights": None, "n_vae_encoder_layers": 1},
         "input_features": {
             "observation.images.front": PolicyFeature(FeatureType.VISUAL, (3, 32, 32)),
             "observation.state": PolicyFeature(FeatureType.STATE, (16,)),

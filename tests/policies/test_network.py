@@ -11,7 +11,6 @@ from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseCo
 from lerobot_policy_bimanual.peract.factorised_head import (
     FactorisedTranslation,
     FactorisedTranslationHead,
-    split_voxel,
 )
 from lerobot_policy_bimanual.peract.network import PerActNetwork
 from lerobot_policy_bimanual.peract.pooling import pool
@@ -152,20 +151,6 @@ def test_a_voxels_score_depends_on_what_lies_in_line_with_it_however_far():
     x, y, _ = torch.cartesian_prod(*[torch.arange(5)] * 3).unbind(1)
     below = ((x - 2).abs() <= 1) & ((y - 1).abs() <= 1)
     assert (before != after)[0, 0].equal(below)
-
-
-def test_dilations_let_patches_and_their_voxels_see_things_far_to_their_side():
-    """One bright voxel, 11 voxels along x and 6 along z from a patch that no line through it enters."""
-    stem = torch.rand(1, 4, 20, 20, 20)
-    rest = torch.rand(1, 4, 4, 4, 4), torch.rand(1, 1, 8, 4, 4, 4), torch.tensor([[[2, 2, 2]]])
-    bright = stem.clone()
-    bright[0, :, 13, 2, 8] = 10
-    for dilations, sees in (((), False), ((3, 9), True)):
-        head = FactorisedTranslationHead(head_config(projection_dilations=dilations), arms=1)
-        before, after = (head(read_stem(head, features), *rest)[0] for features in (stem, bright))
-        assert (before.patch_logits[0, 0, 0] != after.patch_logits[0, 0, 0]) == sees
-        target = split_voxel(torch.tensor([2, 2, 2]), 4)[1]
-        assert (before.target_voxel_logits[0, 0, target] != after.target_voxel_logits[0, 0, target]) == sees
 
 
 def test_cells_add_the_likelihood_of_the_place_within_the_voxel(make_network):

@@ -89,22 +89,6 @@ def test_the_order_of_the_points_does_not_matter(ties):
     )
 
 
-def test_points_that_are_missing_or_outside_leave_no_trace():
-    points, colours = cloud(1, 50)
-    outside = torch.cat([at(1.0, 0.5, 0.5), at(0.5, -0.01, 0.5), at(0.5, 0.5, 1.2)], dim=1)
-    lost = torch.full((3, 2), torch.nan)
-    lost[0] = torch.inf
-    more = torch.cat([points, outside[None], lost[None]], dim=2)
-    images = render(more, torch.cat([colours, torch.ones(1, 3, 5)], dim=2), radius=0.2)
-    assert torch.equal(images, render(points, colours, radius=0.2))
-
-
-def test_a_point_of_the_papers_size_covers_a_pixel_and_its_four_neighbours():
-    images = render(at(0.5, 0.5, 0.5)[None], torch.ones(1, 3, 1), size=220, radius=0.012)
-    assert images[0, :, 3].sum((1, 2)).tolist() == [5.0] * 5
-    assert images[0, :, 3, 0].sum() == 0
-
-
 def test_a_points_voxel_is_in_the_pixel_that_shows_it():
     points, colours = cloud(1, 500)
     images = render(points, colours)[0]

@@ -5,12 +5,12 @@ import pytest
 import torch
 
 from lerobot_bimanual.codec_torch import TorchKeyposeCodec
-from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_policy_bimanual.nn.layers import LEAK
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.factorised_head import ProjectionConv2d
 from lerobot_policy_bimanual.peract.stem_features import StemFeatures
-from lerobot_policy_bimanual.peract.voxel_grid import voxelise, with_quadratic_features
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 
 WIDTH = 15
 
@@ -95,22 +95,6 @@ def test_grid_equals_averaging_point_by_point():
     )
     actual = voxelise(points, colours, workspace=VOXEL_WORKSPACE, voxels=5)
     torch.testing.assert_close(actual, expected)
-
-
-def test_points_outside_and_invalid_points_leave_the_grid_empty():
-    outside = torch.tensor([[[-0.31, 0.7, torch.nan, torch.inf]] * 3])
-    grid = voxelise(outside, torch.ones_like(outside), workspace=Workspace((-0.3,) * 3, (0.7,) * 3), voxels=5)
-    assert not grid[:, :6].any()
-    assert not grid[:, 9].any()
-    assert torch.isfinite(grid).all()
-
-
-def test_squares_of_colours_and_places_come_behind_the_grid():
-    grid = torch.randn(2, 10, 3, 3, 3)
-    squared = with_quadratic_features(grid)
-    assert torch.equal(squared[:, :10], grid)
-    assert torch.equal(squared[:, 10:13], grid[:, 3:6] ** 2)  # mean RGB
-    assert torch.equal(squared[:, 13:], grid[:, 6:9] ** 2)  # voxel index / voxels
 
 
 def test_grid_and_codec_agree_on_the_voxel_of_a_point(random_keyposes):

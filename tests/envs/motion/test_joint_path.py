@@ -10,7 +10,6 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.motion import time_law
 from lerobot_env_bimanual.motion.joint_path import STEP_RAD, JointPath, rounded
-from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.rrt_connect import edge_is_free, rrt_connect
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
@@ -32,20 +31,6 @@ def test_neither_velocity_nor_acceleration_jumps_at_a_knot():
     ways = JointPath(WAVE).at(np.arange(0, 1 + step / 2, step))
     curvature = np.diff(ways, n=2, axis=0) / step**2
     assert np.abs(np.diff(curvature, axis=0)).max() < 0.02 * np.abs(curvature).max()
-
-
-def test_a_path_along_a_straight_line_keeps_the_hand_on_it():
-    kinematics = PANDA_PAIR.kinematics[Arm.LEFT]
-    start = kinematics.fk(HOME)
-    target = start.copy()
-    target[:3, 3] += (0.15, 0.2, -0.25)
-    (knots,) = straight_lines([LineRequest(kinematics, HOME, target)])
-    assert knots is not None
-    way = (target - start)[:3, 3]
-    shifts = np.array([kinematics.fk(q)[:3, 3] for q in JointPath(knots).at(np.linspace(0, 1, 200))])
-    shifts -= start[:3, 3]
-    aside = shifts - np.outer(shifts @ way, way) / (way @ way)
-    assert np.linalg.norm(aside, axis=1).max() < 1e-4
 
 
 CORNER = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])

@@ -87,18 +87,6 @@ def test_collisions_are_rejected_of_a_hand_a_goal_and_an_arm_that_stands(table_s
         assert str(reason).startswith(expected)
 
 
-def test_postures_near_joint_limits_are_rejected(table_scene):
-    def script(view):
-        yield Stage("twist", left=view.tcp(Arm.LEFT) @ turn, planned=False)
-
-    verdicts = []
-    for angle in np.deg2rad(np.arange(0, 180, 15)):
-        turn = Pose.upright((0, 0, 0), angle)
-        verdicts.append(Rehearsal(table_scene).infeasibility(script))
-    assert verdicts[0] is None
-    assert any(verdict is not None for verdict in verdicts)
-
-
 def test_one_infeasible_codec_among_several_is_enough(table_scene):
     used = Rehearsal(table_scene, [None, KeyposeCodec()])
     for shift_m in ((0, 0, 0), (0.25, 0.05, 0), (0.4, 0.2, 0), (0, 0, 0)):
