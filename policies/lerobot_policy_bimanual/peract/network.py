@@ -181,7 +181,7 @@ class GoalOfOther(nn.Module):
         """
         centres = PATCH * torch.arange(self.patches, device=voxel.device) + PATCH // 2
         lattice = torch.stack(torch.meshgrid(centres, centres, centres, indexing="ij"), dim=-1)
-        offset = (voxel[:, None, None, None] - lattice) / (PATCH * self.patches)  # (b, p, p, p, 3)
+        offset = (voxel[:, None, None, None] - lattice) / PATCH  # (b, p, p, p, 3), in patches
         distance = offset.norm(dim=-1, keepdim=True)
         told = self.layers(torch.cat([offset, distance], dim=-1)).movedim(-1, 1)
         return torch.stack([answers[:, 0], answers[:, 1] + told], dim=1)
