@@ -36,7 +36,7 @@ class Filtered:
         """Write a message, above the bars, unless it is none for people."""
         from tqdm import tqdm
 
-        is_bar = text.startswith(("\r", "\x1b")) or (self._progress and text.startswith("\n"))
+        is_bar = text.startswith(("\r", "\x1b", "\n"))
         is_dump = text.count("\n") > MAX_LINES or "torchcodec" in text
         if is_bar and self._progress:
             self.unfiltered.write(text)
