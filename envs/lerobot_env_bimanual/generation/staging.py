@@ -152,7 +152,7 @@ def staged(root: Path, settings: GenerationSettings) -> Iterator[Staging]:
         yield Staging(root, folder, settings, origin)
     finally:
         if not (shards.is_dir() and any(shards.iterdir())):
-            shutil.rmtree(folder, ignore_errors=True)
+            shutil.rmtree(folder)
         lock.release()
 
 
