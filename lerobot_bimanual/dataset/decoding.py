@@ -73,7 +73,7 @@ class ImageReader:
 
     def _from_video(self, episode: int, key: str) -> Iterator[NDArray]:
         entry = self._episodes[episode]
-        path = reader.video_file(self.root, entry, key)
+        path = reader.stored_file(self.root, entry, f"videos/{key}")
         try:
             millimetres = self._depth_of_codes(key) if self.is_depth(key) else None
             pixel_format, kind = ("rgb24", np.uint8) if millimetres is None else ("gray12le", np.uint16)
@@ -99,7 +99,7 @@ class ImageReader:
         from datasets import Image as StoredImage
 
         stored = StoredImage()  # as LeRobot's loader reads them in training
-        path = reader.data_file(self.root, self._episodes[episode])
+        path = reader.stored_file(self.root, self._episodes[episode], "data")
         column = reader.read_table(path, columns=[key], filters=[("episode_index", "=", episode)])[key]
         for row, cell in enumerate(column):
             place = f"row {row} of {key} in {path}"

@@ -26,9 +26,6 @@ from lerobot_bimanual.files import read_json
 from lerobot_bimanual.results.record import Record
 
 INFO_FILE = Path("meta", "info.json")
-DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-"""Where LeRobot's tools store tables and videos."""
 
 MAX_TABLE_BYTES = 2**31
 """Of one Parquet file before compression; LeRobot begins another one at 100 MB."""
@@ -104,7 +101,7 @@ class RecordedDataset:
         entry = self._index.slice(index, 1).to_pylist()[0]
         if not (isinstance(tasks := entry["tasks"], list) and len(tasks) == 1):
             raise DatasetError(f"meta/episodes gives episode {index} the tasks {tasks}, not one sentence")
-        path = data_file(self.root, entry)
+        path = stored_file(self.root, entry, "data")
         table = read_table(path, columns=[*self._types], filters=[(EPISODE_INDEX, "=", index)])
         if table.num_rows != entry["length"] or not table.num_rows:
             raise DatasetError(
@@ -167,29 +164,17 @@ def is_depth(feature: dict[str, Any]) -> bool:
     return bool((feature.get("info") or {}).get("is_depth_map"))
 
 
-def data_file(root: Path, entry: dict[str, Any]) -> Path:
-    """The file of an episode's rows.
-
-    Args:
-        root: folder of the dataset.
-        entry: the episode's row in the table of episodes.
+def stored_file(root: Path, entry: dict[str, Any], kind: str) -> Path:
+    """Where LeRobot's tools store an episode's rows, kind `data`, or its video, kind `videos/KEY`.
 
     Raises:
-        DatasetError: the entry names no file.
+        DatasetError: `entry`, the episode's row in the table of episodes, names no such file.
     """
-    return root / DATA_PATH.format(**_file_numbers(entry, "data"))
-
-
-def video_file(root: Path, entry: dict[str, Any], key: str) -> Path:
-    """The file of an episode's video, as `data_file` for key `key`."""
-    return root / VIDEO_PATH.format(video_key=key, **_file_numbers(entry, f"videos/{key}"))
-
-
-def _file_numbers(entry: dict[str, Any], prefix: str) -> dict[str, int]:
     try:
-        return {part: int(entry[f"{prefix}/{part}"]) for part in ("chunk_index", "file_index")}
+        chunk, file = (int(entry[f"{kind}/{part}"]) for part in ("chunk_index", "file_index"))
     except (TypeError, ValueError) as error:
-        raise DatasetError(f"the table of episodes gives no file of {prefix}: {error}") from error
+        raise DatasetError(f"the table of episodes gives no file of {kind}: {error}") from error
+    return root / kind / f"chunk-{chunk:03d}/file-{file:03d}.{'parquet' if kind == 'data' else 'mp4'}"
 
 
 def views_below(root: Path) -> list[Path]:
