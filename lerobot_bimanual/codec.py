@@ -4,7 +4,7 @@ The same discretisation that the policies predict (`codec_torch` is its torch tw
 keyposes when the expert's success with rounded keyposes is measured.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,7 +66,5 @@ class KeyposeCodec(layout.KeyposeGrid):
     def discretise(self, keypose: BimanualKeypose) -> BimanualKeypose:
         """The keypose that a policy with these bins would command; positions are clipped into the grid."""
         bins = self.encode(keypose.to_vector().astype(np.float64))
-        inside = DiscreteKeypose(
-            np.clip(bins.voxel, 0, self.voxels - 1), bins.rotation, bins.gripper_open, bins.ignore_collisions
-        )
+        inside = replace(bins, voxel=np.clip(bins.voxel, 0, self.voxels - 1))
         return BimanualKeypose.from_vector(self.decode(inside))

@@ -5,20 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lerobot_bimanual import keypose_layout as layout
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
-from lerobot_bimanual.keypose_layout import (
-    ARM_KEYPOSE_DIM,
-    ARM_KEYPOSE_NAMES,
-    GRIPPER_OPEN,
-    IGNORE_COLLISIONS,
-    KEYPOSE_DIM,
-    KEYPOSE_NAMES,
-    POSITION,
-    QUATERNION,
-)
 
 
 @dataclass(frozen=True)
@@ -67,18 +58,19 @@ class BimanualKeypose:
             InvalidAction: if the vector has another length, is not finite, or holds a zero quaternion.
         """
         v = np.asarray(vector, dtype=np.float64)
-        if v.shape != (KEYPOSE_DIM,):
+        if v.shape != (layout.KEYPOSE_DIM,):
             raise InvalidAction(
-                f"a keypose action has shape ({KEYPOSE_DIM},), got {v.shape}: per arm, left first, "
-                f"{', '.join(ARM_KEYPOSE_NAMES)}"
+                f"a keypose action has shape ({layout.KEYPOSE_DIM},), got {v.shape}: per arm, left first, "
+                f"{', '.join(layout.ARM_KEYPOSE_NAMES)}"
             )
         if not np.isfinite(v).all():
-            bad = [KEYPOSE_NAMES[i] for i in np.flatnonzero(~np.isfinite(v))]
+            bad = [layout.KEYPOSE_NAMES[i] for i in np.flatnonzero(~np.isfinite(v))]
             raise InvalidAction(f"keypose action is not finite in: {', '.join(bad)}")
         targets = []
-        for arm, part in zip(ARMS, v.reshape(len(ARMS), ARM_KEYPOSE_DIM), strict=True):
-            if np.linalg.norm(part[QUATERNION]) < 1e-6:
+        for arm, part in zip(ARMS, v.reshape(len(ARMS), layout.ARM_KEYPOSE_DIM), strict=True):
+            if np.linalg.norm(part[layout.QUATERNION]) < 1e-6:
                 raise InvalidAction(f"keypose action has a zero quaternion for the {arm} arm")
-            pose = Pose(part[POSITION], quat_wxyz_canonical(part[QUATERNION]))
-            targets.append(Keypose(pose, bool(part[GRIPPER_OPEN] > 0.5), bool(part[IGNORE_COLLISIONS] > 0.5)))
+            pose = Pose(part[layout.POSITION], quat_wxyz_canonical(part[layout.QUATERNION]))
+            is_open, ignores = part[[layout.GRIPPER_OPEN, layout.IGNORE_COLLISIONS]] > 0.5
+            targets.append(Keypose(pose, bool(is_open), bool(ignores)))
         return cls(*targets)

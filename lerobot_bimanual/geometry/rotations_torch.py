@@ -46,31 +46,14 @@ def quat_wxyz_to_matrix(quat_wxyz: Tensor) -> Tensor:
 
 def matrix_to_quat_wxyz(matrix: Tensor) -> Tensor:
     """Canonical quaternions (..., 4) of rotation matrices (..., 3, 3)."""
-    m00, m11, m22 = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 2, 2]
-    four_squares = torch.stack(
-        [1 + m00 + m11 + m22, 1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22], dim=-1
-    )
-    wx, wy, wz = (
-        matrix[..., 2, 1] - matrix[..., 1, 2],
-        matrix[..., 0, 2] - matrix[..., 2, 0],
-        matrix[..., 1, 0] - matrix[..., 0, 1],
-    )
-    xy, xz, yz = (
-        matrix[..., 0, 1] + matrix[..., 1, 0],
-        matrix[..., 0, 2] + matrix[..., 2, 0],
-        matrix[..., 1, 2] + matrix[..., 2, 1],
-    )
-    products = torch.stack(
-        [
-            torch.stack([four_squares[..., 0], wx, wy, wz], dim=-1),
-            torch.stack([wx, four_squares[..., 1], xy, xz], dim=-1),
-            torch.stack([wy, xy, four_squares[..., 2], yz], dim=-1),
-            torch.stack([wz, xz, yz, four_squares[..., 3]], dim=-1),
-        ],
-        dim=-2,
-    )
-    largest = four_squares.argmax(dim=-1)[..., None, None].expand(*four_squares.shape[:-1], 1, 4)
-    return quat_wxyz_canonical(products.gather(-2, largest)[..., 0, :])
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = matrix.flatten(-2).unbind(-1)
+    ww, xx, yy, zz = 1 + m00 + m11 + m22, 1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22
+    wx, wy, wz = m21 - m12, m02 - m20, m10 - m01
+    xy, xz, yz = m01 + m10, m02 + m20, m12 + m21
+    rows = ((ww, wx, wy, wz), (wx, xx, xy, xz), (wy, xy, yy, yz), (wz, xz, yz, zz))
+    products = torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+    largest = torch.stack([ww, xx, yy, zz], dim=-1).argmax(dim=-1)[..., None, None]
+    return quat_wxyz_canonical(products.take_along_dim(largest, dim=-2)[..., 0, :])
 
 
 def quat_wxyz_to_euler_xyz(quat_wxyz: Tensor) -> Tensor:
