@@ -28,10 +28,6 @@ def require_checkpoint(folder: Path) -> None:
 
 
 def require_checkpoint_if_local(path: str) -> None:
-    """`require_checkpoint` of what LeRobot takes as a folder or as `owner/name` on the Hub, unless it can only be the latter.
-
-    Raises:
-        BimanualError: there is no checkpoint.
-    """
+    """`require_checkpoint` of what LeRobot takes as a folder or as `owner/name` on the Hub, unless it can only be the latter."""
     if Path(path).parent.is_dir() or path.count("/") != 1:
         require_checkpoint(Path(path))

@@ -9,13 +9,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class EpisodeMeta:
-    """What an episode is.
+    """What an episode is: task, variation, split and seed determine every state bit for bit.
 
     Attributes:
-        task: registered task name.
-        variation: variation index.
         split: "train", "val" or "test".
-        seed: the integer that, with task, variation and split, determines every state bit for bit.
         instruction: the sentence given to the policy.
     """
 

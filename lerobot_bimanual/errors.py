@@ -71,11 +71,7 @@ class InvalidChoice(BimanualError):
 
 
 def check_range(option: str, value: float, minimum: float) -> None:
-    """Refuse a number that is below its minimum.
-
-    Raises:
-        InvalidChoice: the number is smaller.
-    """
+    """Refuse a number below its minimum by an `InvalidChoice`."""
     if value < minimum:
         raise InvalidChoice(option, value, f"at least {minimum}")
 

@@ -94,11 +94,7 @@ def check_output_folder(folder: Path) -> None:
 def write_file(path: Path, content: str | bytes) -> None:
     """Replace a file in one move, so that an interruption leaves the old one or the new one.
 
-    What a process that was killed meanwhile has left beside it is removed.
-
-    Args:
-        path: the file; its folder is made.
-        content: new content; a text is written as UTF-8.
+    Its folder is made, a text is written as UTF-8, and what a process that was killed meanwhile has left beside it is removed.
 
     Raises:
         UnwritableOutput: it cannot be written; the old file is unchanged.
@@ -130,11 +126,9 @@ def share_files(folder: Path, pattern: str) -> None:
 
 
 def move_durably(source: Path, target: Path) -> None:
-    """Rename a finished file or folder in one step that survives a power failure.
+    """Rename a finished file or folder, on one file system, in one step that survives a power failure.
 
-    Args:
-        source: on the same file system as the target.
-        target: is replaced if it is a file or an empty folder.
+    The target is replaced if it is a file or an empty folder.
 
     Raises:
         OSError: the disk refuses.

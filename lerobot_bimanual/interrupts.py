@@ -75,9 +75,7 @@ def interrupts_ignored() -> AbstractContextManager[None]:
 def end_when_parent_ends(number: signal.Signals, parent: int) -> None:
     """Have the system send this process a signal when the thread that started it ends, however that is (on Linux).
 
-    Args:
-        number: the signal.
-        parent: number of the process that started this one, which may have ended already.
+    `parent` is the number of the process that started this one, which may have ended already.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, number)

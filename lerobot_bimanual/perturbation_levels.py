@@ -10,10 +10,7 @@ LEVELS = tuple(range(1, MAX_LEVEL + 1))
 
 
 def parse_levels(text: object) -> dict[str, int]:
-    """Level of each axis, by name in alphabetical order; nominal axes are left out.
-
-    Args:
-        text: `AXIS:LEVEL`, several separated by commas; may be empty.
+    """Level of each axis in `AXIS:LEVEL,...`, by name in alphabetical order; nominal axes are left out.
 
     Raises:
         InvalidChoice: it has another form, a level that there is not, or an axis twice.

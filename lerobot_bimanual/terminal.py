@@ -19,11 +19,9 @@ UNBOUNDED = 10_000
 
 
 def print_table(table: pd.DataFrame, title: str = "") -> None:
-    """Print a table as wide as its cells; on a narrower terminal, a paragraph for each row.
+    """Print a table as wide as its cells, below its title; on a narrower terminal, a paragraph for each row.
 
-    Args:
-        table: cells, shown by `str`; the first column is aligned left, the others right.
-        title: a line above.
+    Cells are shown by `str`; the first column is aligned left, the others right.
     """
     columns = shutil.get_terminal_size((UNBOUNDED, 24)).columns
     wrap = partial(textwrap.fill, width=columns, break_long_words=False, break_on_hyphens=False)
@@ -50,11 +48,8 @@ def say(*lines: object) -> None:
 
 
 def show_next(*words: object) -> None:
-    """Print the command that continues the work, as the last line of a command.
+    """Print the command that continues the work, the program's name included, as the last line of a command.
 
     It goes to stderr, because programs may read what a command prints.
-
-    Args:
-        words: words of the command, the program's name included.
     """
     print(f"next: {shlex.join(map(str, words))}", file=sys.stderr)

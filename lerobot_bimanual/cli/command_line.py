@@ -30,24 +30,12 @@ SECTIONS = {
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one command.
-
-    Args:
-        words: words after the program's name; those of the process when None.
-
-    Returns:
-        The exit code of the process (see the package's text).
-    """
+    """Run the command of the words after the program's name, by default this process's; returns the exit code."""
     return answered(PROGRAM, lambda: _dispatch(list(sys.argv[1:] if words is None else words)))
 
 
 def answered(program: str, work: Callable[[], int]) -> int:
-    """The exit code of a program, after a line about what ended its work, if that failed.
-
-    Args:
-        program: its name.
-        work: gives its exit code.
-    """
+    """The exit code of a program's work, or that of its failure, after a line about it that begins with the program's name."""
     code = 128 + signal.SIGPIPE  # if the reader of our output leaves before the end, as `head` does
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may know ASCII only
@@ -78,10 +66,7 @@ def find_commands(group: str = "") -> dict[str, EntryPoint]:
 
 
 def find_command(words: Sequence[str]) -> tuple[str, list[str]]:
-    """The name of the command that words begin with, and the words that follow it.
-
-    Args:
-        words: words after the program's name, at least one.
+    """The name of the command that words begin with, of which there is at least one, and the words that follow it.
 
     Raises:
         BadCommandLine: no installed command has that name.

@@ -1,7 +1,8 @@
 """Command-line flags of a dataclass, whose values are decoded by draccus, LeRobot's own configuration library.
 
-Every field is a flag, `--name=value` or `--name value`. The comment beside or above a field is its help text. draccus has a reader of such comments too; it misses fields
-whose annotation holds quotes (`Literal["a"]`) and its printer fails on a per cent sign.
+Every field is a flag, `--name=value` or `--name value`. The comment beside or above a field is its help text. draccus
+has a reader of such comments too; it misses fields whose annotation holds quotes (`Literal["a"]`) and its printer fails
+on a per cent sign.
 
 draccus' own command line reads values as YAML 1.1, which alters some texts in silence, and takes a text that begins
 with `include` for the name of a file to read. Here every value reaches draccus as the text that was typed:
@@ -49,9 +50,7 @@ class Flag:
     """One field of a config as the command line sees it.
 
     Attributes:
-        name: the name without dashes.
-        kind: the field's annotation without `| None`.
-        optional: whether the annotation allows None.
+        kind: the field's annotation without `| None`, which `optional` says.
         default: the default value; `dataclasses.MISSING` if the flag is required.
     """
 

@@ -29,13 +29,9 @@ KIND = re.compile(r"^@\w+\.register_subclass\(\s*(?:name=)?\"(\w+)\"", re.MULTIL
 
 
 def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
-    """The values of flags by name, if a program of LeRobot may know them; with kinds and paths that its config file names.
+    """The values of flags by name, if a program of LeRobot with this class of config may know them.
 
-    Flags of a policy or an environment may be those of any kind.
-
-    Args:
-        words: of the command line, after the program.
-        config: name of the class of the program's config.
+    Kinds and paths that its config file names are among them. Flags of a policy or an environment may be those of any kind.
 
     Raises:
         BadCommandLine: a flag is unknown.

@@ -22,12 +22,7 @@ MAX_LINES = 3
 
 
 class Filtered:
-    """A stream without dumps and without torchcodec's news.
-
-    Args:
-        stream: the stream.
-        progress: whether LeRobot's bars and its reports of what it does are let through.
-    """
+    """A stream without dumps, without torchcodec's news, and unless `progress` without LeRobot's bars and reports."""
 
     def __init__(self, stream: TextIO, progress: bool):
         self.unfiltered, self._progress = stream, progress
