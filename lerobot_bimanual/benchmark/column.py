@@ -24,11 +24,7 @@ LOOK_S = 0.2
 
 
 def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig]:
-    """One benchmark for each task and policy, all policies of a task after each other.
-
-    Args:
-        config: what was asked for, with several policies separated by commas.
-        tasks: names of the tasks; those that the protocol is not for are left out.
+    """One benchmark for each policy of the config and each task that its protocol is for, the policies of a task together.
 
     Raises:
         BimanualError: a flag is not allowed for one of them, or there is no lane.
@@ -50,14 +46,10 @@ def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig
 
 
 def run_column(column: Sequence[BenchmarkConfig], lanes: int) -> None:
-    """Run benchmarks; a failure in one does not keep the others from running.
+    """Run benchmarks, those of a task after each other; a failure in one does not keep the others from running.
 
     Policies of a task share its demonstrations, so a lane takes one task at a time. A network for several tasks is
     shared by all, so it has one lane. The output of each benchmark is in a file of the folder `logs`.
-
-    Args:
-        column: the benchmarks, those of a task after each other.
-        lanes: how many tasks are worked on at the same time.
 
     Raises:
         BimanualError: some failed; the message has the files of their output.

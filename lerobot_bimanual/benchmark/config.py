@@ -110,11 +110,8 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     training = recipe.options(numbers["image_size"])
     usual_device = training.get("policy.device")
     training = {name: value for name, value in training.items() if name not in OWN_FLAGS["train_flags"]}
-    own = {
-        "num_workers": 0,  # the dataset is in memory
-        "log_freq": max(1, numbers["save_freq"] // 5),
-    }
-    training |= own | _options(config, "train_flags")
+    training |= {"num_workers": 0, "log_freq": max(1, numbers["save_freq"] // 5)}  # the dataset is in memory
+    training |= _options(config, "train_flags")
     if numbers["val_episodes"] and "keep_last" in training:
         raise BimanualError(
             "train_flags hold --keep_last, but every checkpoint is validated: leave it out, or set --val_episodes=0"
@@ -183,11 +180,7 @@ def beyond_recipe(config: BenchmarkConfig) -> str:
 
 
 def _by_protocol(config: BenchmarkConfig) -> dict[str, Any]:
-    """The flags that protocols fix, in their one form; what is not given is the protocol's.
-
-    Raises:
-        BimanualError: the protocol does not exist, is not for the task, or has other flags than those given.
-    """
+    """The flags that protocols fix, in their one form; what is not given is the protocol's, and all must be unless it is `own`."""
     task, name = config.task, config.protocol
     if not task.isidentifier():
         raise BimanualError(f"task is {task!r}, but a benchmark is of one task; run one per task")
@@ -224,11 +217,7 @@ def _check_several(flags: Mapping[str, Any]) -> None:
 
 
 def _options(config: BenchmarkConfig, flag: str) -> dict[str, Any]:
-    """Options in the text of one flag, by name.
-
-    Raises:
-        BimanualError: the text is not a list of `--name=value`, or sets what the benchmark sets itself.
-    """
+    """Options in the text of one flag, by name, without those that the benchmark sets itself."""
     text = getattr(config, flag)
     try:
         words = shlex.split(text)

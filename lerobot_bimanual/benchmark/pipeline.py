@@ -59,14 +59,7 @@ class Command:
 
 
 class Marker(Record):
-    """Progress of one command.
-
-    Attributes:
-        command: its words, as a shell has them.
-        inputs: SHA-256 of each input file.
-        done: whether the command has succeeded.
-        seconds: wall time so far, with the runs that were interrupted and resumed.
-    """
+    """Progress of a command: its words as a shell has them, SHA-256 of its inputs, and wall time of all its runs."""
 
     command: str
     inputs: dict[str, str]
@@ -114,12 +107,7 @@ def call(words: list[str]) -> int:
 
 
 class Pipeline:
-    """Runs commands and remembers in a folder what is done.
-
-    Args:
-        folder: folder of the markers; made if absent.
-        console: where commands and times are shown.
-        call: runs a program and gives its exit code.
+    """Runs commands by `call`, shows them and their times, and remembers in a folder what is done.
 
     Raises:
         UnwritableOutput: nothing can be written into the folder.

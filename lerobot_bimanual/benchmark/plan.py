@@ -19,15 +19,7 @@ BASELINES = ("expert", "open_loop")
 
 @dataclass(frozen=True)
 class Plan:
-    """Folders and commands of one benchmark.
-
-    Attributes:
-        settings: what is measured.
-        recipe: how the policy is trained.
-        output: folder of all benchmarks.
-        workers: processes for generation and for expert and baseline; 0 takes one per core.
-        video_dir: folder for a video of every evaluated episode; None makes none.
-    """
+    """Folders and commands of one benchmark; folders and workers are those of `BenchmarkConfig`."""
 
     settings: BenchmarkSettings
     recipe: Recipe

@@ -56,16 +56,7 @@ def sizes(recipe: str) -> Sizes:
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a policy is trained.
-
-    Attributes:
-        file: where it is.
-        sections: content of the file.
-        view: dataset view that the policy learns from.
-        steps: optimiser steps.
-        batch_size: rows of the dataset per step.
-        save_freq: steps from one checkpoint to the next.
-    """
+    """How a policy is trained: all sections of a file, and what of them decides on the benchmark."""
 
     file: Path
     sections: Mapping[str, Any]

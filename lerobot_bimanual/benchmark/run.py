@@ -30,15 +30,20 @@ from lerobot_bimanual.results.record import BadRecord
 from lerobot_bimanual.terminal import print_table
 
 
-def find_tasks(names: str) -> list[str]:
-    """Tasks of suites and tasks that are separated by commas.
+@cache
+def count_variations(tasks: str) -> dict[str, int]:
+    """Number of variations of each of the tasks and of the suites' tasks, whose names are separated by commas.
 
     Core knows the environment by its commands only, so a process of its own lists the tasks.
 
     Raises:
         BimanualError: no environment is installed, or there is no such task.
     """
-    return [*_variations(names)]
+    words = ("-m", "lerobot_bimanual.cli", "task", "list", f"--task={tasks}", "--format=json")
+    answer = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+    if answer.returncode:
+        raise BimanualError(answer.stderr.strip().removeprefix("lerobot-bimanual: "))
+    return {task["name"]: len(task["variations"]) for task in json.loads(answer.stdout)}
 
 
 def check_task(settings: BenchmarkSettings) -> None:
@@ -47,11 +52,11 @@ def check_task(settings: BenchmarkSettings) -> None:
     Raises:
         BimanualError: no environment is installed, or there is no such task or variation.
     """
-    tasks = _variations(settings.task)
-    if settings.variation != "any" and int(settings.variation) >= (count := tasks[settings.task]):
+    count = count_variations(settings.task)[settings.task]
+    if settings.variation != "any" and int(settings.variation) >= count:
         valid = f"'any' or an integer from 0 to {count - 1}"
         raise InvalidChoice(f"variation of {settings.task}", settings.variation, valid)
-    if settings.trained_on and settings.task not in (learned := _variations(settings.trained_on)):
+    if settings.trained_on and settings.task not in (learned := count_variations(settings.trained_on)):
         raise BimanualError(
             f"trained_on is {settings.trained_on!r}, which does not contain {settings.task!r}; score one of: "
             f"{', '.join(learned)}"
@@ -161,22 +166,8 @@ def report(result: BenchmarkResult, plan: Plan, console: Console) -> None:
         console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
 
 
-@cache
-def _variations(tasks: str) -> dict[str, int]:
-    """Number of variations of each of several tasks and suites, separated by commas."""
-    words = ("-m", "lerobot_bimanual.cli", "task", "list", f"--task={tasks}", "--format=json")
-    answer = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
-    if answer.returncode:
-        raise BimanualError(answer.stderr.strip().removeprefix("lerobot-bimanual: "))
-    return {task["name"]: len(task["variations"]) for task in json.loads(answer.stdout)}
-
-
 def _made_before(plan: Plan) -> BenchmarkResult | None:
-    """The result of the same measurement if it is there already.
-
-    Raises:
-        BimanualError: the file holds another measurement, or cannot be read.
-    """
+    """The result of the same measurement if it is there already; that of another one is an error."""
     advice = "choose another --output"
     if not plan.result.exists():
         return None
@@ -209,11 +200,7 @@ def _read_report(path: Path, task: str) -> tuple[str, tuple[Episode, ...]]:
 
 
 def _check_one_world(worlds: dict[Path, str], task: str) -> None:
-    """Files may have been made long before each other, but must be of one world.
-
-    Raises:
-        BimanualError: they are not; the message names the file that differs.
-    """
+    """Refuse files of several worlds; they may have been made long before each other."""
     (first, world), *others = worlds.items()
     for path, other in others:
         if other != world:
@@ -224,11 +211,7 @@ def _check_one_world(worlds: dict[Path, str], task: str) -> None:
 
 
 def _provenance(plan: Plan) -> Provenance:
-    """Origin of the demonstrations, which must be of the installed versions.
-
-    Raises:
-        BimanualError: they are of other versions, or do not say it.
-    """
+    """Origin of the demonstrations, which must be of the installed versions."""
     provenance = Provenance.of_dataset(plan.dataset)
     if provenance is None:
         raise BimanualError(

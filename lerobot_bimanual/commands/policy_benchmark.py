@@ -5,7 +5,7 @@ from rich.console import Console
 from lerobot_bimanual.benchmark.column import cells, run_column
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, command
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.benchmark.run import check_task, find_tasks, report, run, show
+from lerobot_bimanual.benchmark.run import check_task, count_variations, report, run, show
 from lerobot_bimanual.terminal import show_next
 
 
@@ -27,8 +27,7 @@ def policy_benchmark(config: BenchmarkConfig) -> None:
         lerobot-bimanual policy benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16" --dry_run
     """
     console = Console()
-    tasks = find_tasks(config.task)
-    if len(column := cells(config, tasks)) > 1:
+    if len(column := cells(config, [*count_variations(config.task)])) > 1:
         if config.dry_run:
             console.print(*map(command, column), sep="\n", soft_wrap=True, highlight=False, markup=False)
         else:
