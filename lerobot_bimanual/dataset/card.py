@@ -31,11 +31,7 @@ MEANINGS = tomllib.loads((Path(__file__).parent / "templates/columns.toml").read
 
 
 def write_card(root: Path, repo_id: str) -> None:
-    """Write the card of a dataset from its metadata and provenance.
-
-    Args:
-        root: folder of the dataset.
-        repo_id: LeRobot's name of the dataset.
+    """Write the card of a dataset, which LeRobot calls `repo_id`, from its metadata and provenance.
 
     Raises:
         DatasetError: the dataset has no provenance.

@@ -26,10 +26,7 @@ _LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 
 
 def write_checksums(root: Path) -> None:
-    """List the hash of every file of a finished dataset.
-
-    Args:
-        root: folder of the dataset, one view.
+    """List the hash of every file of a finished dataset, one view.
 
     Raises:
         DatasetError: something in it is not a plain file, or cannot be read.
@@ -81,12 +78,7 @@ def checksum_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[
 
 
 def _read(path: Path) -> dict[str, str]:
-    """File -> hash.
-
-    Raises:
-        BimanualError: the manifest cannot be read or is too large.
-        ValueError: a line is not what `write_checksums` writes, or names a file twice.
-    """
+    """File -> hash; a ValueError tells of a line that `write_checksums` does not write, or of a file that is named twice."""
     sums: dict[str, str] = {}
     for number, line in enumerate(read_file(path).decode("utf-8").splitlines(), 1):
         match = _LINE.fullmatch(line)

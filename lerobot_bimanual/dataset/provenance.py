@@ -19,15 +19,7 @@ MAX_INT = 2**63
 
 
 class EpisodeKey(Record):
-    """What identifies one episode, and regenerates it, given the versions.
-
-    Attributes:
-        task: registered task name.
-        variation: index of the variation.
-        split: split of the seed.
-        seed: seed of the reset.
-        plan: number of the plan that is demonstrated; 0 is the usual one.
-    """
+    """What identifies one episode, and regenerates it, given the versions; plan 0 is the usual one."""
 
     task: str
     variation: Annotated[int, Field(ge=0, lt=MAX_INT)]
@@ -41,11 +33,7 @@ class EpisodeKey(Record):
 
 
 class SkippedSeed(EpisodeKey):
-    """A seed that was tried and gave no episode.
-
-    Attributes:
-        reason: why it gave none.
-    """
+    """A seed that was tried and gave no episode, and why."""
 
     reason: str
 

@@ -49,14 +49,11 @@ class ViewWriter:
         root: folder of the dataset; must not exist.
         repo_id: LeRobot's name of the dataset.
         view: which rows are stored, and how their images.
-        cameras: cameras whose images are stored.
-        height: image height in pixels.
-        width: image width in pixels.
         intermediate: see `rows_of_view`.
         depth: whether depth images are stored; None for `keyframes` alone, from which keypose policies learn: LeRobot's own
             policies, which learn from `frames`, would take them for colours.
-        further: dtypes of further columns, see `feature_table.features`.
-        calibration: that of all rows, which rows then do not hold; None where it differs between them.
+
+    All others are those of `feature_table.features`.
     """
 
     def __init__(
