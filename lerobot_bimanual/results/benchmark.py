@@ -152,12 +152,7 @@ class Demonstrations(Record):
 
 
 class Machine(Record):
-    """Machine on which a policy was trained.
-
-    Attributes:
-        cpus: number of cores that the training could use.
-        gpu: name of the first GPU, if there is one.
-    """
+    """Machine on which a policy was trained: the cores that the training could use, and the first GPU's name."""
 
     cpus: PositiveInt
     gpu: Text | None = None

@@ -26,10 +26,6 @@ OWN_DEMONSTRATIONS = ("repo_id", "first_seed")
 class Comparison:
     """Two policies on one task, each trained once or several times.
 
-    Attributes:
-        first: trainings of the first, by seed of the training.
-        second: trainings of the second.
-
     Raises:
         BimanualError: the results differ in task, variation, world or simulation, or share no seed.
     """
@@ -40,7 +36,7 @@ class Comparison:
     def __post_init__(self) -> None:
         results = (*self.first, *self.second)
         _check_equal(((f"{each.eval_key}_{each.policy_id}", each) for each in results), _facts_of_episodes)
-        if not self.seeds:
+        if self.solved[0].empty:
             raise BimanualError("the results share no seed; evaluate both on the same --first_seed")
 
     @cached_property
@@ -55,11 +51,6 @@ class Comparison:
             join="inner",
         ).sort_index()
         return table.iloc[:, : len(self.first)], table.iloc[:, len(self.first) :]
-
-    @property
-    def seeds(self) -> tuple[int, ...]:
-        """Seeds of the episodes that all trainings were tested on."""
-        return tuple(self.solved[0].index)
 
     @property
     def rates(self) -> tuple[list[SuccessRate], list[SuccessRate]]:

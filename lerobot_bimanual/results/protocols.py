@@ -12,19 +12,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Flags:
-    """What a protocol fixes: flags of `policy benchmark`.
-
-    Attributes:
-        demos: demonstrations of each task.
-        demos_plans: "several" for demonstrations of the same scenes by each of the task's plans.
-        demos_variation: variations of the demonstrations, separated by commas; empty for that of the test.
-        demos_perturb: perturbations of the demonstrations.
-        trained_on: tasks and suites from whose demonstrations one network learns; empty for the task alone.
-        setting: of demonstrations and test.
-        variation: of the test.
-        perturb: perturbations of the test.
-        first_seed: of the test.
-    """
+    """What a protocol fixes: flags of `policy benchmark`, which `BenchmarkSettings` describes."""
 
     demos: int = 100
     demos_plans: str = "one"

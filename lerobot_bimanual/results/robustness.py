@@ -23,14 +23,7 @@ type ConditionKey = tuple[str, int]
 
 
 class AxisRecord(Record):
-    """A perturbation axis as it was when it was evaluated.
-
-    Attributes:
-        name: name of the axis.
-        group: kind of difference that it makes.
-        unit: unit of the magnitudes.
-        magnitudes: magnitudes of the levels 1, 2 and 3.
-    """
+    """A perturbation axis as it was when it was evaluated, with the magnitudes of its levels 1, 2 and 3."""
 
     name: Name
     group: Name
@@ -39,13 +32,7 @@ class AxisRecord(Record):
 
 
 class Condition(Record):
-    """One level of one axis, or the nominal world.
-
-    Attributes:
-        axis: name of the axis; empty in the nominal world.
-        level: 0 in the nominal world, else 1 to 3.
-        world: version of what the task's world does.
-    """
+    """One level of one axis, or the nominal world, which has no axis and level 0."""
 
     axis: Name | Literal[""] = ""
     level: Annotated[int, Field(ge=0, le=MAX_LEVEL)] = 0
@@ -104,13 +91,7 @@ class PolicyCondition(Condition):
 
 
 class _SweepConfig(Record):
-    """What a sweep measures; two sweeps with equal configs are the same measurement.
-
-    Attributes:
-        task: name of the task.
-        first_seed: first seed of the episodes of every condition.
-        versions: package -> version.
-    """
+    """What a sweep measures, from `first_seed` on in every condition; equal configs are the same measurement."""
 
     task: Name
     first_seed: NonNegativeInt = 0
@@ -122,9 +103,9 @@ class RobustnessConfig(_SweepConfig):
 
     Attributes:
         policy: type of the policy.
-        checkpoint_sha256: SHA-256 of its `model.safetensors`.
-        options: options of the nominal environment, by name.
-        episodes: number of episodes, on consecutive seeds.
+        checkpoint_sha256: of its `model.safetensors`.
+        options: of the nominal environment, by name.
+        episodes: of each condition, on consecutive seeds.
         batch_size: environments side by side.
     """
 
@@ -141,14 +122,9 @@ class RobustnessConfig(_SweepConfig):
 
 
 class _Sweep[Config: _SweepConfig, Each: Condition](Record):
-    """Conditions of one task, sorted, the nominal one first, and the axes that they belong to.
+    """Conditions of one task, the nominal one first, then by axis and level, and their axes, sorted by name.
 
-    Attributes:
-        schema_version: version of these fields.
-        config: what was measured.
-        axes: axes of the conditions, sorted by name.
-        not_applicable: axes that find nothing to change in the task.
-        conditions: the nominal condition, then by axis and level.
+    Axes that find nothing to change in the task are not applicable.
     """
 
     schema_version: Literal[3]
@@ -174,12 +150,7 @@ class _Sweep[Config: _SweepConfig, Each: Condition](Record):
 
 
 class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
-    """One policy on the conditions of one task, each on the same episodes.
-
-    Attributes:
-        checkpoint: folder of the policy, as it was given.
-        date: day of the first condition, ISO 8601.
-    """
+    """One policy on the conditions of one task, each on the same episodes; the date is that of the first condition."""
 
     checkpoint: str
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
@@ -191,25 +162,14 @@ class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
 
 
 class ExpertCondition(Condition):
-    """The expert and the open-loop baseline on one condition.
-
-    Attributes:
-        expert_failed: seeds that the expert did not solve.
-        open_loop_solved: seeds that the open-loop baseline solved.
-    """
+    """The expert and the open-loop baseline on one condition: the seeds that each of them failed, or solved."""
 
     expert_failed: tuple[int, ...] = ()
     open_loop_solved: tuple[int, ...] = ()
 
 
 class ExpertRobustnessConfig(_SweepConfig):
-    """What a sweep of the expert measures.
-
-    Attributes:
-        split: split of the seeds.
-        expert_episodes: number of episodes of the expert, on consecutive seeds.
-        open_loop_episodes: number of episodes of the open-loop baseline, on the first of these seeds.
-    """
+    """What a sweep of the expert measures, on consecutive seeds; the open-loop baseline has the first of them."""
 
     split: Literal["train", "val", "test"]
     expert_episodes: EpisodeCount

@@ -20,7 +20,7 @@ def test_episodes_are_paired_by_seed():
     other = trained("x.x.x", first_seed=1)
     # Seeds 1, 2 and 3 are shared: the first solved 1, the second 1 and 3.
     comparison = Comparison((RESULT,), (other,))
-    assert (comparison.seeds, comparison.better) == ((1, 2, 3), (0, 1))
+    assert ([*comparison.solved[0].index], comparison.better) == ([1, 2, 3], (0, 1))
 
 
 @pytest.mark.parametrize(
