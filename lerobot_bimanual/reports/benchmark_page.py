@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from lerobot_bimanual.benchmark.config import beyond_recipe, command, shortest_config
+from lerobot_bimanual.benchmark.plan import BASELINES
 from lerobot_bimanual.benchmark.recipes import GROUP as RECIPE_GROUP
 from lerobot_bimanual.benchmark.recipes import SIZES
 from lerobot_bimanual.distributions import entries
@@ -26,15 +27,10 @@ from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
 
 NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
-BASELINES = ("expert", "open_loop")
 
 
 def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
-    """The page of results.
-
-    Args:
-        results: by file.
-        folder: that holds them, for the page to say.
+    """The page of results in a folder, by file.
 
     Raises:
         BimanualError: the results are not comparable, or no command trains one of an installed recipe again. The message names the file.
@@ -42,18 +38,15 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
     check_comparable(results)
     ordered = sorted(results.items(), key=lambda item: (item[1].eval_key, item[1].policy_id))
     trained = [(path, each) for path, each in ordered if isinstance(each, BenchmarkResult)]
-    installed = [
-        (path, each)
-        for path, each in trained
-        if (each.config.recipe in SIZES and each.config.policy in entries(RECIPE_GROUP))
-    ]
-    commands, beyond = {}, {}
-    for path, each in installed:
+    again, beyond = None, {}
+    for path, each in trained:
+        if each.config.recipe not in SIZES or each.config.policy not in entries(RECIPE_GROUP):
+            continue
         try:
             config = shortest_config(each.config)
         except BimanualError as error:
             raise BimanualError(f"{path}: {error}") from error
-        commands[path], beyond[path] = command(config), beyond_recipe(config)
+        again, beyond[path] = command(config), beyond_recipe(config)
     table: Any = results_table(results.values())
     return render(
         "lerobot_bimanual.reports",
@@ -64,7 +57,7 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
         success={name: success_table(lines) for name, lines in table.groupby("protocol", observed=True)},
         survival=survival_table(each for _, each in ordered),
         training=_training_table(trained, beyond) if trained else None,
-        command=[*commands.values()][-1] if commands else None,
+        command=again,
     )
 
 
@@ -104,16 +97,10 @@ def results_table(results: Iterable[Scored]) -> pd.DataFrame:
 
 
 def mean_rate(tasks: pd.Series, rates: pd.Series) -> tuple[float, float, float]:
-    """Mean success over tasks, and its 95 % interval from the draw of the episodes.
+    """Mean success over tasks, lower and upper bound of its 95 % interval from the draw of the episodes, in [0, 1].
 
-    The interval is Wilson's, as if each task had as many episodes as that with the fewest.
-
-    Args:
-        tasks: of each training; those on one task share its episodes.
-        rates: of each training.
-
-    Returns:
-        Mean, lower and upper bound, in [0, 1].
+    Tasks and rates are those of each training; trainings on one task share its episodes. The interval is Wilson's, as if each
+    task had as many episodes as that with the fewest.
     """
     by_task = rates.map(lambda rate: rate.rate).groupby(tasks).mean()
     mean, episodes = float(by_task.mean()), min(rate.trials for rate in rates) * len(by_task)
@@ -121,10 +108,9 @@ def mean_rate(tasks: pd.Series, rates: pd.Series) -> tuple[float, float, float]:
 
 
 def board_table(table: Any) -> pd.DataFrame:
-    """Mean success of each policy, the expert and the open-loop baseline, a column per protocol.
+    """Mean success of each policy, the expert and the open-loop baseline in a `results_table`, a column per protocol.
 
-    Args:
-        table: of `results_table`. A policy that was not scored on all tasks of a protocol has no mean.
+    A policy that was not scored on all tasks of a protocol has no mean.
     """
     once = table.drop_duplicates(["protocol", "task"])
     baselines = [once.assign(policy=name, rate=once[name]) for name in BASELINES]
@@ -142,11 +128,7 @@ def board_table(table: Any) -> pd.DataFrame:
 
 
 def success_table(table: Any) -> pd.DataFrame:
-    """The policies, the expert and the open-loop baseline side by side, one line per task.
-
-    Args:
-        table: of `results_table`, of one protocol.
-    """
+    """Policies, expert and open-loop baseline side by side, one line per task, of the `results_table` of one protocol."""
     shown = table.pivot_table("rate", "task", "policy", _success_cell, fill_value=ABSENT)
     shown = shown.rename(index="`{}`".format, columns="`{}`".format)
     baselines = table.drop_duplicates("task")[[*BASELINES]]
@@ -177,12 +159,7 @@ def _place(result: Scored) -> dict[str, str]:
 
 
 def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Mapping[Path, str]) -> Any:
-    """A line for all results of one policy with the same settings, whatever their seeds.
-
-    Args:
-        results: by file.
-        beyond: flags beyond those of the recipe, by file; files of policies whose recipe is not installed are missing.
-    """
+    """A line for all results of one policy with the same settings, whatever their seeds; flags beyond recipes are by file."""
     table: Any = pd.DataFrame(
         {
             "policy": f"`{each.config.policy_id}`",

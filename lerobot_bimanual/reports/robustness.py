@@ -95,11 +95,7 @@ def _corrected_text(line: Any) -> str:
 
 
 def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str:
-    """On how many tasks each condition is valid.
-
-    Args:
-        reports: by task.
-    """
+    """On how many tasks each condition is valid, from the report of each."""
     table = pd.DataFrame(
         {
             "task": task,

@@ -64,11 +64,6 @@ class PolicyCondition(Condition):
     expert_report: SuccessRate | None = None
     episodes: Episodes
 
-    @property
-    def seeds(self) -> list[int]:
-        """Seeds of the episodes."""
-        return [episode.seed for episode in self.episodes]
-
     def changes_from(self, other: Self) -> list[int]:
         """By episode, -1 if the policy solved it on the other condition only, 1 if on this one only, else 0."""
         pairs = zip(self.episodes, other.episodes, strict=True)
@@ -114,11 +109,6 @@ class RobustnessConfig(_SweepConfig):
     options: dict[str, str]
     episodes: EpisodeCount
     batch_size: PositiveInt
-
-    @property
-    def seeds(self) -> range:
-        """Seeds of the episodes of every condition."""
-        return range(self.first_seed, self.first_seed + self.episodes)
 
 
 class _Sweep[Config: _SweepConfig, Each: Condition](Record):
