@@ -18,14 +18,17 @@ STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot", C_LIBRARY)
 """What has versions that are recorded."""
 
 
+def installed_version(package: str) -> str | None:
+    """The version of a package; None if it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
 def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, str]:
     """Versions of packages in this process; "none" for one that is not installed."""
-    versions = {}
-    for package in packages:
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "none"
+    versions = {package: installed_version(package) or "none" for package in packages}
     if C_LIBRARY in packages:
         versions[C_LIBRARY] = "-".join(platform.libc_ver()).strip("-") or "none"
     return versions
@@ -62,9 +65,7 @@ def missing(distribution: str, extra: str) -> list[str]:
         marker = requirement.marker
         if marker is None or marker.evaluate({"extra": ""}) or not marker.evaluate({"extra": extra}):
             continue
-        try:
-            version(requirement.name)
-        except PackageNotFoundError:
+        if installed_version(requirement.name) is None:
             lacking.append(requirement.name)
         else:
             lacking += [name for inner in requirement.extras for name in missing(requirement.name, inner)]

@@ -29,11 +29,7 @@ class Plan:
 
     @classmethod
     def of(cls, config: BenchmarkConfig) -> Self:
-        """The plan of what was asked for.
-
-        Raises:
-            BimanualError: a flag is not allowed, as `resolve` has it.
-        """
+        """The plan of what was asked for, of which `resolve` refuses what is not allowed."""
         return cls(
             settings=resolve(config),
             recipe=Recipe.find(config.policy, config.recipe),

@@ -16,7 +16,6 @@ Use `Literal["a", "b"]` for a choice, and `X | None = None` for what may be abse
 import dataclasses
 import inspect
 import re
-import reprlib
 import shutil
 import textwrap
 import types
@@ -25,7 +24,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean, plain, shown
 
 VALUE_NAMES: dict[Any, str] = {bool: "true|false", str: "text", Path: "path"}
 MEANINGS: dict[Any, str] = {int: "an integer", float: "a number", bool: "true or false"}
@@ -35,8 +34,6 @@ EMPTY = (None, "", ())
 """Defaults that say nothing by themselves."""
 FIELD = re.compile(r"    (\w+): .*?(?:  # (.*))?")
 COMMENT = re.compile(r"    # (.*)")
-
-_SHORT = reprlib.Repr(maxstring=80)
 
 
 class BadCommandLine(BimanualError):
@@ -142,10 +139,14 @@ def _assignments(words: Sequence[str], flags: Mapping[str, Flag]) -> Iterator[tu
     while rest:
         word = rest.pop(0)
         if not word.startswith("--"):
-            raise BadCommandLine(f"{_SHORT.repr(word)} is not a flag; flags are written --name=value.")
+            raise BadCommandLine(f"{shown(word)} is not a flag; flags are written --name=value.")
         name, equals, value = word.removeprefix("--").partition("=")
         if name not in flags:
-            raise BadCommandLine(_unknown_flag(name, flags))
+            valid = [f"--{each}" for each in flags]
+            guess = did_you_mean(f"--{name}", valid)
+            raise BadCommandLine(
+                f"unknown flag {plain(f'--{name}')}.{guess} Valid flags: {', '.join(valid)}."
+            )
         if not equals:
             if rest and not rest[0].startswith("--"):
                 value = rest.pop(0)
@@ -175,7 +176,7 @@ def _decode(text: str, flag: Flag) -> Any:
         else:
             kind = choices[0] if flag.is_list else flag.kind
             meaning = MEANINGS.get(kind, flag.value_name)
-            problem = f"--{flag.name} is {_SHORT.repr(value)}, but must be {meaning}"
+            problem = f"--{flag.name} is {shown(value)}, but must be {meaning}"
         raise BadCommandLine(problem) from error
 
 
@@ -186,9 +187,3 @@ def _without_none(annotation: Any) -> tuple[Any, bool]:
     options = [option for option in typing.get_args(annotation) if option is not type(None)]
     optional = len(options) < len(typing.get_args(annotation))
     return (options[0] if len(options) == 1 else annotation), optional
-
-
-def _unknown_flag(name: str, flags: Mapping[str, Flag]) -> str:
-    names = [f"--{valid}" for valid in flags]
-    typed = f"--{name}" if name.isprintable() else _SHORT.repr(f"--{name}")
-    return f"unknown flag {typed}.{did_you_mean(typed, names)} Valid flags: {', '.join(names)}."

@@ -1,5 +1,6 @@
 """The command `doctor`: checks of the machine and of the installed distributions."""
 
+import platform
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
+from lerobot_bimanual.distributions import installed_version
 from lerobot_bimanual.resources import usable_cores, usable_memory
 from lerobot_bimanual.terminal import show_next
 
@@ -86,11 +88,11 @@ def check_packages() -> Iterator[Finding]:
     from packaging.requirements import Requirement
     from packaging.specifiers import SpecifierSet
 
-    with_lerobot = any(_version(name) is not None for name in ("lerobot", *PLUGINS[1:]))
+    with_lerobot = any(map(installed_version, ("lerobot", *PLUGINS[1:])))
     extras = ("", "lerobot") if with_lerobot else ("",)
     ranges = {"Python": SpecifierSet(metadata.metadata(CORE)["Requires-Python"])}
     for distribution in (CORE, *PLUGINS):
-        if _version(distribution) is None:
+        if installed_version(distribution) is None:
             yield Finding(distribution, "warn", "not installed", REPAIR)
             continue
         ranges.setdefault(distribution, SpecifierSet())
@@ -102,7 +104,7 @@ def check_packages() -> Iterator[Finding]:
         remedy = "for datasets, training and evaluation: pip install 'lerobot_env_bimanual[lerobot]'"
         yield Finding("lerobot", "info", "not installed; environments and experts do without", remedy)
     for package, needed in ranges.items():
-        installed = _version(package)
+        installed = platform.python_version() if package == "Python" else installed_version(package)
         if installed is not None and needed.contains(installed, prereleases=True):
             yield Finding(package, "ok", installed)
         else:
@@ -123,7 +125,7 @@ def check_machine() -> Iterator[Finding]:
         yield Finding(
             "byte code", "info", "not kept: every program compiles LeRobot anew, for ten seconds", remedy
         )
-    if _version("torch") is None:
+    if installed_version("torch") is None:
         return
     import torch
 
@@ -134,7 +136,7 @@ def check_machine() -> Iterator[Finding]:
 
 def check_gl() -> Iterator[Finding]:
     """Off-screen rendering of an 8 x 8 image, in another process, where environments are installed."""
-    if _version(PLUGINS[0]) is None:
+    if installed_version(PLUGINS[0]) is None:
         return
     command = [sys.executable, "-c", RENDER_8X8]
     try:
@@ -147,11 +149,3 @@ def check_gl() -> Iterator[Finding]:
         yield Finding("OpenGL", "ok", child.stdout.strip())
         return
     yield Finding("OpenGL", "fail", problem.removeprefix("lerobot_env_bimanual.gl.MissingGL: "))
-
-
-def _version(package: str) -> str | None:
-    """The installed version; None if it is not installed."""
-    try:
-        return sys.version.split()[0] if package == "Python" else metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None

@@ -144,9 +144,7 @@ def survival_table(results: Iterable[Scored]) -> pd.DataFrame | None:
     if not rows:
         return None
     table: Any = pd.DataFrame(rows)
-    table["policy"] = [
-        f"`{policy}`, {protocol}" for policy, protocol in zip(table.policy, table.protocol, strict=True)
-    ]
+    table["policy"] = "`" + table.policy + "`, " + table.protocol
     shown = table.pivot_table("of", "task", "policy", lambda rates: ", ".join(map(str, rates)))
     return shown.fillna(ABSENT).rename(index="`{}`".format).rename_axis("task").reset_index()
 

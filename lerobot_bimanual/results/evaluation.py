@@ -55,11 +55,7 @@ class EvaluationHead(Record):
 
 
 class EvaluationRecord(EvaluationHead):
-    """One evaluation of one task.
-
-    Attributes:
-        episodes: played episodes with their proofs, sorted by seed.
-    """
+    """One evaluation of one task: its played episodes with their proofs, sorted by seed."""
 
     episodes: ProvedEpisodes
 

@@ -56,22 +56,14 @@ class Journal[Entry: Record]:
         return found
 
     def restart(self, header: str) -> None:
-        """Forget what is there, and begin with another header.
-
-        Raises:
-            UnwritableOutput: it cannot be written.
-        """
+        """Forget what is there, and begin with another header."""
         self.header, self._lines = header, []
         self._file.truncate(0)
         self._append(header)
         bring_to_disk(self.path.parent)
 
     def add(self, entry: Entry) -> None:
-        """Keep an entry; it is on the disk afterwards.
-
-        Raises:
-            UnwritableOutput: it cannot be written.
-        """
+        """Keep an entry; it is on the disk afterwards, or an UnwritableOutput is raised."""
         self._append(entry.model_dump_json(exclude_defaults=True))
 
     def close(self) -> None:

@@ -63,8 +63,7 @@ LINK_BYTES = 4
 class HashChain:
     """Links that each hash the one before, an action, and the state after it.
 
-    Args:
-        start: what the first link hangs on: whatever tells the episode apart, and the state at its start.
+    The first one hangs on `start`: whatever tells the episode apart, and the state at its start.
     """
 
     def __init__(self, *start: str):

@@ -10,8 +10,8 @@ from lerobot_bimanual.commands.doctor import DoctorConfig, doctor
 
 def test_wrong_and_absent_packages_come_with_the_command_that_mends_them(monkeypatch):
     others = {"mujoco": "5.0.0", "frankik": None, "lerobot_policy_bimanual": None}
-    real = command._version
-    monkeypatch.setattr(command, "_version", lambda name: others.get(name, real(name)))
+    real = command.installed_version
+    monkeypatch.setattr(command, "installed_version", lambda name: others.get(name, real(name)))
     findings = {finding.subject: finding for finding in command.check_packages()}
     assert findings["mujoco"].remedy == "pip install 'mujoco<5,>=3.10'"
     levels = {

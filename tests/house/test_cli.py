@@ -236,7 +236,7 @@ def test_flags_fill_the_dataclass(words, expected):
         (["--workers"], "flag --workers needs a value"),
         (["--workers=two"], "--workers is 'two', but must be an integer"),
         (["--view=keyframe"], "--view is 'keyframe', but must be one of: frames, keyframes. Did you mean"),
-        (["--no\nflag=1"], "unknown flag '--no\\nflag'"),
+        (["--no\nflag=1"], "unknown flag --no\\nflag."),
     ],
 )
 def test_mistakes_name_what_is_wrong_and_what_is_valid(words, message):
