@@ -80,13 +80,15 @@ class Recipe:
             sections = read_yaml(files[name])
             view, type_ = Path(sections["dataset"]["root"]).name, sections["policy"]["type"]
             numbers = [int(sections[each]) for each in ("steps", "batch_size", "save_freq")]
-        except (ValueError, TypeError, KeyError, BimanualError) as error:
+            recipe = cls(files[name], sections, view, *numbers)
+            recipe.options(image_size=1)  # of inputs that are as LeRobot has them
+        except (ValueError, TypeError, KeyError, AttributeError, IndexError, BimanualError) as error:
             raise BimanualError(f"{files[name]} is not a recipe of a benchmark: {error!r}") from error
         if view not in schema.VIEWS:
             raise InvalidChoice(f"last folder of dataset.root in {files[name]}", view, get_args(schema.View))
         if type_ != policy:
             raise BimanualError(f"{files[name]} trains {type_!r}, but must train {policy!r}")
-        return cls(files[name], sections, view, *numbers)
+        return recipe
 
     @staticmethod
     def files(policy: str) -> dict[str, Path]:

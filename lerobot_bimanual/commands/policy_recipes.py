@@ -6,6 +6,7 @@ import pandas as pd
 
 from lerobot_bimanual.benchmark.recipes import GROUP, Recipe
 from lerobot_bimanual.distributions import entries
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.terminal import print_table, show_next
 
 
@@ -23,10 +24,12 @@ def policy_recipes(config: RecipesConfig) -> None:
         lerobot-bimanual policy recipes
     """
     rows = []
-    for policy in sorted(entries(GROUP)):
+    for policy in entries(GROUP):
         for name, path in Recipe.files(policy).items():
             recipe = Recipe.find(policy, name)
             numbers = {"view": recipe.view, "steps": recipe.steps, "batch": recipe.batch_size}
             rows.append({"policy": policy, "recipe": name, **numbers, "file": path})
+    if not rows:
+        raise BimanualError("no recipes are installed: pip install lerobot_policy_bimanual")
     print_table(pd.DataFrame(rows))
     show_next("lerobot-bimanual", "policy", "benchmark", "--policy=peract2", "--dry_run")

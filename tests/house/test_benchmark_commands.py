@@ -138,11 +138,14 @@ def test_every_policy_has_a_recipe_of_every_size():
     }
 
 
-def test_all_recipes_are_listed_with_their_files(capsys):
+def test_all_recipes_are_listed_with_their_files(capsys, monkeypatch):
     policy_recipes(RecipesConfig())
     assert {word for word in capsys.readouterr().out.split() if word.endswith(".yaml")} == set(
         map(str, FILES)
     )
+    monkeypatch.setattr("lerobot_bimanual.commands.policy_recipes.entries", lambda _: {})
+    with pytest.raises(BimanualError, match="no recipes are installed"):
+        policy_recipes(RecipesConfig())
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
