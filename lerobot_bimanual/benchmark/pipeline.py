@@ -39,7 +39,7 @@ class Command:
     Attributes:
         name: shown to the user; also names the marker.
         words: program and flags, as a user would type them.
-        output: what exists once the command has succeeded; None for a command that leaves nothing behind.
+        output: what exists once the command has succeeded.
         inputs: files made by earlier commands; this one counts as done only for their present content.
         training_folder: where a command with the flags of `lerobot-train` keeps its checkpoints, from which it is
             resumed.
@@ -49,7 +49,7 @@ class Command:
 
     name: str
     words: list[str]
-    output: Path | None = None
+    output: Path
     inputs: tuple[Path, ...] = ()
     training_folder: Path | None = None
     judges: bool = False
@@ -133,7 +133,7 @@ class Pipeline:
 
     def _run(self, command: Command) -> None:
         marker = self._marker(command)
-        if marker.done and (command.output is None or command.output.exists()):
+        if marker.done and command.output.exists():
             self._console.rule(f"[bold]{command.name}[/bold] (already done)")
             return
         self._console.rule(f"[bold]{command.name}[/bold]")
@@ -141,7 +141,7 @@ class Pipeline:
         if command.training_folder is not None and (resume := self._resume(command, command.training_folder)):
             words, seconds = resume, marker.seconds
         show_command(self._console, "$ ", words)
-        if command.judges and command.output is not None:
+        if command.judges:
             command.output.unlink(missing_ok=True)  # so that afterwards it is known to be new
         marker = marker.model_copy(update={"done": False, "seconds": seconds})
         marker.write(self._path(command))
@@ -153,13 +153,12 @@ class Pipeline:
         finally:
             marker = marker.model_copy(update={"seconds": seconds + time.monotonic() - started})
             marker.write(self._path(command))
-        verdict = code == 1 and command.judges and command.output is not None and command.output.exists()
-        if code and not verdict:
+        if code and not (code == 1 and command.judges and command.output.exists()):
             raise BimanualError(
                 f"{command.name!r} failed with exit code {code}; its output is above. "
                 f"The same command line continues from here. What failed was: {shlex.join(words)}"
             )
-        if command.output is not None and not command.output.exists():
+        if not command.output.exists():
             raise BimanualError(
                 f"{command.name!r} ended without an error, but did not write {command.output}. Leave out what prevents it, "
                 f"such as --save_checkpoint=false, and repeat the command line. What ran was: {shlex.join(words)}"

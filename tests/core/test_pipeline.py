@@ -32,10 +32,10 @@ def pipeline(tmp_path: Path, console: Console) -> Pipeline:
     return Pipeline(tmp_path / "chain", console)
 
 
-def counting(folder: Path, more: str = "", **options) -> Command:
+def counting(folder: Path, more: str = "", output: Path | None = None, **options) -> Command:
     """A command that appends a letter to `folder/count`, then does something more."""
     program = f"open({str(folder / 'count')!r}, 'a').write('x'); {more}"
-    return Command("count", ["python", "-c", program], **options)
+    return Command("count", ["python", "-c", program], output or folder / "count", **options)
 
 
 def count(folder: Path) -> int:
@@ -114,7 +114,7 @@ def test_commands_are_offline_unless_the_user_says_otherwise(setting, seen, tmp_
     if setting is not None:
         monkeypatch.setenv("HF_HUB_OFFLINE", setting)
     program = f"import os; open({str(tmp_path / 'seen')!r}, 'w').write(os.environ['HF_HUB_OFFLINE'])"
-    pipeline.run(Command("offline", ["python", "-c", program]))
+    pipeline.run(Command("offline", ["python", "-c", program], tmp_path / "seen"))
     assert (tmp_path / "seen").read_text() == seen
 
 
@@ -148,7 +148,8 @@ def trainings(tmp_path: Path, console: Console, training: FakeTraining) -> Pipel
 
 
 def training_command(tmp_path: Path, *more: str) -> Command:
-    return Command("train", [*NEW_TRAINING, *more], training_folder=tmp_path / "train")
+    folder = tmp_path / "train"
+    return Command("train", [*NEW_TRAINING, *more], folder, training_folder=folder)
 
 
 def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, trainings, training):
@@ -220,7 +221,8 @@ from lerobot_bimanual.cli import command_line
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
 sleep = "import os, time; print(os.getpid(), flush=True); time.sleep(100)"
 def dispatch(_):
-    Pipeline(Path(sys.argv[1]), Console(quiet=True)).run(Command("sleep", ["python", "-c", sleep]))
+    folder = Path(sys.argv[1])
+    Pipeline(folder, Console(quiet=True)).run(Command("sleep", ["python", "-c", sleep], folder))
 command_line._dispatch = dispatch
 sys.exit(command_line.main())
 """
@@ -320,6 +322,7 @@ def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(in
         ("save_freq: 2", "", r"is not a recipe.*save_freq"),
         ("keyframes", "images", "is 'images', but must be one of: frames, keyframes"),
         ("{policy}", "theirs", "trains 'theirs', but must train 'mine'"),
+        ("type: STATE, ", "", r"is not a recipe.*type"),
     ],
 )
 def test_a_file_that_says_too_little_is_refused_by_name(old, new, message, install_recipe):
