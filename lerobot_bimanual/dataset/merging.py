@@ -35,9 +35,7 @@ SHIFTED_STATISTICS = ("min", "max", "mean", "q01", "q10", "q50", "q90", "q99")
 def merge_datasets(sources: Sequence[Path], root: Path) -> None:
     """Write a dataset that holds the episodes of several, in their order; every source keeps its own files in it.
 
-    Args:
-        sources: folders of datasets; they are left as they are. Videos are linked where the file system can.
-        root: new folder.
+    Sources are left as they are, and their videos are linked where the file system can.
 
     Raises:
         DatasetError: the sources differ in their features or rates.

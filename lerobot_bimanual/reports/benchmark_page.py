@@ -96,21 +96,11 @@ def results_table(results: Iterable[Scored]) -> pd.DataFrame:
     return table.sort_values(["protocol", "task", "policy", "seed"], kind="stable")
 
 
-def mean_rate(tasks: pd.Series, rates: pd.Series) -> tuple[float, float, float]:
-    """Mean success over tasks, lower and upper bound of its 95 % interval from the draw of the episodes, in [0, 1].
-
-    Tasks and rates are those of each training; trainings on one task share its episodes. The interval is Wilson's, as if each
-    task had as many episodes as that with the fewest.
-    """
-    by_task = rates.map(lambda rate: rate.rate).groupby(tasks).mean()
-    mean, episodes = float(by_task.mean()), min(rate.trials for rate in rates) * len(by_task)
-    return mean, *wilson_interval(mean * episodes, episodes)
-
-
 def board_table(table: Any) -> pd.DataFrame:
     """Mean success of each policy, the expert and the open-loop baseline in a `results_table`, a column per protocol.
 
-    A policy that was not scored on all tasks of a protocol has no mean.
+    A policy that was not scored on all tasks of a protocol has no mean. Trainings on one task share its episodes, so the
+    95 % interval from their draw is Wilson's, as if each task had as many as that with the fewest, once.
     """
     once = table.drop_duplicates(["protocol", "task"])
     baselines = [once.assign(policy=name, rate=once[name]) for name in BASELINES]
@@ -118,7 +108,9 @@ def board_table(table: Any) -> pd.DataFrame:
     agents: Any = pd.concat([policies, *baselines]).dropna(subset="rate")
     tasks, board = once.groupby("protocol", observed=True).size(), {}
     for (protocol, agent), lines in agents.groupby(["protocol", "policy"], observed=True):
-        mean, low, high = mean_rate(lines.task, lines.rate)
+        by_task = lines.rate.map(lambda rate: rate.rate).groupby(lines.task).mean()
+        mean, episodes = by_task.mean(), min(rate.trials for rate in lines.rate) * len(by_task)
+        low, high = wilson_interval(mean * episodes, episodes)
         is_whole = lines.task.nunique() == tasks[protocol]
         cell = f"{mean:.1%} ({low:.0%} to {high:.0%})" if is_whole else ABSENT
         board.setdefault(f"`{protocol}`, {tasks[protocol]}", {})[agent] = cell

@@ -34,29 +34,13 @@ INCIDENTAL = ("num_workers", "wandb.enable", "keep_last")
 class BenchmarkSettings(Record):
     """Settings of a benchmark, with every default of its recipe and protocol filled in.
 
-    Two benchmarks with equal settings are the same measurement.
+    Two benchmarks with equal settings are the same measurement. They have the names of the flags of `policy benchmark`, whose
+    help says what they mean, but for these:
 
     Attributes:
-        policy: type of the policy, as for `lerobot-train`.
-        task: name of the task that is scored.
-        variation: index of the variation, or `any`.
-        trained_on: tasks and suites from whose demonstrations one network learned; empty for its task alone.
-        recipe: name of the recipe.
-        demos: demonstrations of each task.
-        image_size: side of the images in pixels.
-        steps: optimiser steps.
-        batch_size: rows of the dataset per step.
-        save_freq: steps between checkpoints.
-        val_episodes: validation episodes per checkpoint; 0 if the last one was tested.
-        test_episodes: test episodes of the chosen checkpoint.
-        seed: seed of the training.
-        first_seed: seed of the first validation and test episode.
-        perturb: perturbations of the test, `AXIS:LEVEL,...`.
-        demos_perturb: perturbations of the demonstrations.
-        demos_plans: "several" for demonstrations of the same scenes by each of the task's plans.
-        demos_variation: variations of the demonstrations, separated by commas; empty for that of the test.
-        first_demo_seed: seed of each task's first demonstration.
-        setting: of demonstrations and evaluations.
+        task: the one that is scored.
+        trained_on: as the flag; empty for the task alone.
+        demos_variation: as the flag; empty for the variation of the test.
         device: torch device; None if LeRobot chose it.
         training: further options of `lerobot-train` by name: those of the recipe, and those that were given beside it.
         evaluation: further options of `lerobot-eval` by name.

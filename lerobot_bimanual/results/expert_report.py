@@ -75,15 +75,11 @@ class ExpertReport(Record):
     """Episodes of the expert or a baseline on tasks.
 
     Attributes:
-        schema_version: version of these fields.
-        player: name of the player.
         discretise: voxels per axis to which the expert's keyposes were rounded; 0 left them exact.
         replay: how its episodes were replayed.
-        split: split of the seeds.
-        first_seed: first seed of each task, or of each of its variations.
+        first_seed: of each task, or of each of its variations.
         n_seeds: number of consecutive seeds.
         perturb: perturbations of the world, `AXIS:LEVEL,...`.
-        setting: of the episodes.
         plan: number of the expert's plan.
         versions: package -> version.
         worlds: task -> version of its world.

@@ -12,7 +12,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Flags:
-    """What a protocol fixes: flags of `policy benchmark`, which `BenchmarkSettings` describes."""
+    """What a protocol fixes: flags of `policy benchmark`, as `BenchmarkSettings` has them."""
 
     demos: int = 100
     demos_plans: str = "one"
