@@ -10,11 +10,7 @@ BELOW = ("pretrained_model", "last/pretrained_model", "checkpoints/last/pretrain
 
 
 def require_checkpoint(folder: Path) -> None:
-    """Check that a folder is one that LeRobot saves policies in.
-
-    Raises:
-        BimanualError: the folder holds no checkpoint; the message names the folder that may be meant.
-    """
+    """Refuse a folder in which LeRobot has saved no policy; the error names the one that may be meant."""
     if (folder / CONFIG_FILE).is_file():
         return
     inside = [folder / path for path in BELOW if (folder / path / CONFIG_FILE).is_file()]

@@ -94,7 +94,7 @@ def check_output_folder(folder: Path) -> None:
 def write_file(path: Path, content: str | bytes) -> None:
     """Replace a file in one move, so that an interruption leaves the old one or the new one.
 
-    Its folder is made, a text is written as UTF-8, and what a process that was killed meanwhile has left beside it is removed.
+    Its folder is made. A text is written as UTF-8. What a process that was killed meanwhile has left beside it is removed.
 
     Raises:
         UnwritableOutput: it cannot be written; the old file is unchanged.

@@ -67,11 +67,7 @@ def markdown_table(frame: pd.DataFrame, words: bool = False) -> str:
 
 
 def write_page(page: str, output: Path | None) -> None:
-    """Write a page to a file, whose folder is made; print it if there is no file.
-
-    Raises:
-        UnwritableOutput: the file cannot be written.
-    """
+    """Write a page to a file, as `write_file` does; print it if there is no file."""
     if output is None:
         sys.stdout.write(page)
     else:

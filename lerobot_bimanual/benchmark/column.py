@@ -24,7 +24,7 @@ LOOK_S = 0.2
 
 
 def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig]:
-    """One benchmark for each policy of the config and each task that its protocol is for, the policies of a task together.
+    """One benchmark per policy and per task that the protocol is for; the policies of a task follow each other.
 
     Raises:
         BimanualError: a flag is not allowed for one of them, or there is no lane.

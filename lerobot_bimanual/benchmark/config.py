@@ -180,7 +180,7 @@ def beyond_recipe(config: BenchmarkConfig) -> str:
 
 
 def _by_protocol(config: BenchmarkConfig) -> dict[str, Any]:
-    """The flags that protocols fix, in their one form; what is not given is the protocol's, and all must be unless it is `own`."""
+    """The flags that protocols fix, in their one form; a protocol other than `own` allows no others."""
     task, name = config.task, config.protocol
     if not task.isidentifier():
         raise BimanualError(f"task is {task!r}, but a benchmark is of one task; run one per task")

@@ -107,11 +107,7 @@ def call(words: list[str]) -> int:
 
 
 class Pipeline:
-    """Runs commands by `call`, shows them and their times, and remembers in a folder what is done.
-
-    Raises:
-        UnwritableOutput: nothing can be written into the folder.
-    """
+    """Runs commands by `call`, shows them and their times, and remembers what is done in a folder, which it makes."""
 
     def __init__(self, folder: Path, console: Console, call: Callable[[list[str]], int] = call):
         self._folder = folder

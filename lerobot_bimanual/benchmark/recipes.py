@@ -92,11 +92,7 @@ class Recipe:
 
     @staticmethod
     def files(policy: str) -> dict[str, Path]:
-        """Files of the installed recipes for a policy, by name.
-
-        Raises:
-            InvalidChoice: no installed distribution has recipes for the policy.
-        """
+        """Files of the installed recipes for a policy, by name; a policy without any is an InvalidChoice."""
         packages = entries(GROUP)
         if policy not in packages:
             valid = f"{', '.join(packages)}, or another that LeRobot knows, with --recipe=FILE.yaml"

@@ -47,11 +47,7 @@ def count_variations(tasks: str) -> dict[str, int]:
 
 
 def check_task(settings: BenchmarkSettings) -> None:
-    """Make sure that the environment knows the task, before anything runs that takes minutes.
-
-    Raises:
-        BimanualError: no environment is installed, or there is no such task or variation.
-    """
+    """Refuse tasks and variations that the environment does not know, before anything runs that takes minutes."""
     count = count_variations(settings.task)[settings.task]
     if settings.variation != "any" and int(settings.variation) >= count:
         valid = f"'any' or an integer from 0 to {count - 1}"

@@ -35,7 +35,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def answered(program: str, work: Callable[[], int]) -> int:
-    """The exit code of a program's work, or that of its failure, after a line about it that begins with the program's name."""
+    """The exit code of a program's work; if it fails, a line that begins with the program's name says why."""
     code = 128 + signal.SIGPIPE  # if the reader of our output leaves before the end, as `head` does
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may know ASCII only
@@ -66,7 +66,7 @@ def find_commands(group: str = "") -> dict[str, EntryPoint]:
 
 
 def find_command(words: Sequence[str]) -> tuple[str, list[str]]:
-    """The name of the command that words begin with, of which there is at least one, and the words that follow it.
+    """The name of the command that words (at least one) begin with, and the words that follow it.
 
     Raises:
         BadCommandLine: no installed command has that name.

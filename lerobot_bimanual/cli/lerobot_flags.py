@@ -31,7 +31,7 @@ KIND = re.compile(r"^@\w+\.register_subclass\(\s*(?:name=)?\"(\w+)\"", re.MULTIL
 def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
     """The values of flags by name, if a program of LeRobot with this class of config may know them.
 
-    Kinds and paths that its config file names are among them. Flags of a policy or an environment may be those of any kind.
+    Kinds and paths that its config file names are among them. A policy's or environment's flags may be those of any kind.
 
     Raises:
         BadCommandLine: a flag is unknown.

@@ -14,10 +14,8 @@ from lerobot_bimanual.distributions import installed_version
 from lerobot_bimanual.resources import usable_cores, usable_memory
 from lerobot_bimanual.terminal import show_next
 
-CORE, PLUGINS = (
-    "lerobot_bimanual",
-    ("lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual"),
-)
+CORE = "lerobot_bimanual"
+PLUGINS = ("lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual")
 SHARED = Path("/dev/shm")
 MIN_SHARED_BYTES = 500_000_000
 """Docker gives 64 MB, which a few batches of RGB-D images fill."""

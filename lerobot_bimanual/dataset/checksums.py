@@ -78,7 +78,7 @@ def checksum_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[
 
 
 def _read(path: Path) -> dict[str, str]:
-    """File -> hash; a ValueError tells of a line that `write_checksums` does not write, or of a file that is named twice."""
+    """File -> hash; a line that `write_checksums` does not write, or a file twice, is a ValueError."""
     sums: dict[str, str] = {}
     for number, line in enumerate(read_file(path).decode("utf-8").splitlines(), 1):
         match = _LINE.fullmatch(line)

@@ -30,11 +30,7 @@ DATASET_FILES = ("data/*", "meta/*", "videos/*")
 
 
 def check_repo_id(repo_id: str) -> None:
-    """Refuse a name that no repository of the Hub can have.
-
-    Raises:
-        BimanualError: the name is malformed, or names no owner.
-    """
+    """Refuse a name that no repository of the Hub can have: one that is malformed, or names no owner."""
     try:
         validate_repo_id(repo_id)
     except errors.HFValidationError as error:
@@ -47,8 +43,8 @@ def push_dataset(root: Path, repo_id: str, *, private: bool = False, branch: str
     """Make a repository, new or not, hold exactly this dataset, with its card, in one commit.
 
     The commit on `main` gets LeRobot's version tag, the revision that `LeRobotDataset(repo_id)` asks for. One on
-    another branch, which is made, gets none, and is loaded with `revision=branch`. The card and the checksums in `root` are
-    written again with the name of the repository; one that exists stays public or `private`. Returns the dataset's address.
+    another branch gets none, and is loaded with `revision=branch`. The card and the checksums in `root` are written again
+    with the name of the repository. One that exists stays public or private. Returns the dataset's address.
 
     Raises:
         BimanualError: the folder is not one dataset as it was published, with its provenance; the name is malformed, no

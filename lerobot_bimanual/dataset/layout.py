@@ -34,11 +34,7 @@ def column_types(features: Features) -> dict[str, pa.DataType]:
 
 
 def check_features(features: Features, root: Path) -> None:
-    """Compare the feature table of a dataset with the schema.
-
-    Raises:
-        DatasetError: a vector or scalar is missing or different, the calibration is damaged, or as in `check_version`.
-    """
+    """Refuse a dataset of another schema version, with other vectors or scalars, or with a damaged calibration."""
     check_version(features, root)
     try:
         calibration = Calibration.of_features(features)

@@ -66,7 +66,7 @@ def merge_datasets(sources: Sequence[Path], root: Path) -> None:
 
 
 class _Merger:
-    """Takes over data and videos, source by source; sentences are by their new index, and folders have `chunk_size` files."""
+    """Takes over data and videos, source by source; sentences are by their new index, `chunk_size` is files per folder."""
 
     def __init__(self, root: Path, sentences: Sequence[str], chunk_size: int):
         self._root, self._sentences, self._chunk_size = root, sentences, chunk_size

@@ -92,11 +92,7 @@ class Provenance(Record):
 
 
 def check_version(features: Mapping[str, Any], root: Path) -> None:
-    """Refuse a dataset of another version of the schema; one that does not say its version is not of ours, or was edited.
-
-    Raises:
-        DatasetError: it has another version; the message says what makes it anew.
-    """
+    """Refuse a dataset of another version of the schema; one that does not say its version is not of ours, or was edited."""
     info = (features.get(TASK_NAME) or {}).get("info") or {}
     found = info.get(VERSION_INFO, SCHEMA_VERSION)
     if found != SCHEMA_VERSION:

@@ -144,11 +144,7 @@ class _Info(Record):
 
 
 def read_info(root: Path) -> dict[str, Any]:
-    """LeRobot's description of a dataset, `meta/info.json`, with rows per second, places of files, and features.
-
-    Raises:
-        DatasetError: it is missing or damaged.
-    """
+    """LeRobot's description of a dataset, `meta/info.json`; one that is missing or damaged is a DatasetError."""
     path = root / INFO_FILE
     try:
         _Info.read(path)
@@ -183,11 +179,7 @@ def views_below(root: Path) -> list[Path]:
 
 
 def find_view(root: str | Path, preferred: Sequence[View] = VIEWS) -> Path:
-    """Folder of a dataset below `root`: `root` itself, or the first of `root/<view>` that exists.
-
-    Raises:
-        DatasetError: there is none.
-    """
+    """Folder of a dataset: `root` itself, or the first of `root/<view>` that exists; otherwise a DatasetError."""
     for candidate in (Path(root), *(Path(root, view) for view in preferred)):
         if (candidate / INFO_FILE).is_file():
             return candidate

@@ -149,7 +149,10 @@ def _place(result: Scored) -> dict[str, str]:
 
 
 def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Mapping[Path, str]) -> Any:
-    """A line for all results of one policy with the same settings, whatever their seeds; flags beyond recipes are by file."""
+    """A line for all results of one policy with the same settings, whatever their seeds.
+
+    Flags beyond the recipe are by file; files of policies whose recipe is not installed are missing.
+    """
     table: Any = pd.DataFrame(
         {
             "policy": f"`{each.config.policy_id}`",

@@ -248,11 +248,7 @@ type Scored = BenchmarkResult | EvaluationRecord
 
 
 def read_scored(path: Path) -> Scored:
-    """The result or the record in a file.
-
-    Raises:
-        BadRecord: it holds neither.
-    """
+    """The result or the record in a file; one that holds neither is a `BadRecord`."""
     try:
         return EvaluationRecord.read(path)
     except BadRecord as error:

@@ -101,21 +101,16 @@ class Comparison:
 
 
 def check_comparable(results: Results) -> None:
-    """Results of one table share recipe and simulation; those of one line also world, expert and baseline.
+    """Refuse results that do not belong into one table, as `check_trainings` does; the error names both files.
 
-    Raises:
-        BimanualError: they do not, or trainings of one policy differ; the message names both files.
+    Results of a table share recipe and simulation; those of a line also world, expert and baseline.
     """
     _check_equal(results.items(), _facts_of_table)
     check_trainings(results)
 
 
 def check_trainings(results: Results) -> None:
-    """Trainings of one policy are of one recipe; those for one line differ in weights and seeds, and in nothing else.
-
-    Raises:
-        BimanualError: they differ in something else, or have the same weights; the message names both files.
-    """
+    """Refuse trainings of one policy by several recipes, and those for one line that differ in more than weights and seeds."""
     _check_equal(results.items(), _facts_of_training)
     first: dict[tuple[str, str, str], Path] = {}
     for path, result in results.items():

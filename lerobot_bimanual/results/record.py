@@ -21,18 +21,15 @@ class BadRecord(BimanualError):
 class Record(BaseModel):
     """A frozen record whose every field is as declared: none missing, unknown, converted or not finite.
 
-    Rules between fields are pydantic validators; they use `require`.
+    Rules between fields are pydantic validators; they use `require`. What is no such record, `read`, `from_json` and `of`
+    refuse by a `BadRecord`, which names the field.
     """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """The record in a JSON file.
-
-        Raises:
-            BadRecord: the file cannot be read, or does not hold such a record.
-        """
+        """The record in a JSON file, which a `BadRecord` names, too."""
         try:
             return cls.from_json(read_file(path))
         except BimanualError as error:
@@ -40,11 +37,7 @@ class Record(BaseModel):
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Self:
-        """The record in a JSON text.
-
-        Raises:
-            BadRecord: the text does not hold such a record; the message names the field.
-        """
+        """The record in a JSON text."""
         try:
             return cls.model_validate_json(text)
         except ValidationError as error:
@@ -52,11 +45,7 @@ class Record(BaseModel):
 
     @classmethod
     def of(cls, **fields: Any) -> Self:
-        """The record of these fields.
-
-        Raises:
-            BadRecord: there is no such record; the message names the field.
-        """
+        """The record of these fields."""
         try:
             return cls(**fields)
         except ValidationError as error:
@@ -77,11 +66,7 @@ class Record(BaseModel):
 
 
 def result_paths(place: Path) -> list[Path]:
-    """The file itself, or the JSON files of a folder, sorted.
-
-    Raises:
-        BadRecord: the folder has none.
-    """
+    """The file itself, or the JSON files of a folder, sorted; one without any is a `BadRecord`."""
     found = sorted(place.glob("*.json")) if place.is_dir() else [place]
     if not found:
         raise BadRecord(
@@ -91,11 +76,7 @@ def result_paths(place: Path) -> list[Path]:
 
 
 def require(holds: object, rule: str) -> None:
-    """Refuse a record that breaks a rule between its fields.
-
-    Raises:
-        ValueError: the rule does not hold; pydantic reports it as the field's or the record's error.
-    """
+    """Refuse a record that breaks a rule between its fields, by a ValueError, which pydantic reports."""
     if not holds:
         raise ValueError(rule)
 
