@@ -97,14 +97,13 @@ def parse_flags[Config](config_type: type[Config], words: Sequence[str]) -> Conf
 def describe_flags(config_type: type) -> str:
     """The help text of the flags, one paragraph each: name, kind of value, comment and default."""
     width = min(MAX_HELP_WIDTH, shutil.get_terminal_size((MAX_HELP_WIDTH, 24)).columns)
-    comments = field_comments(config_type)
-    rows = [(f"--{flag.name}={flag.value_name}", _help(flag, comments)) for flag in flags_of(config_type)]
+    comments, indent = field_comments(config_type), " " * HELP_COLUMN
     paragraphs = []
-    for head, text in rows:
-        indent = " " * HELP_COLUMN
-        body = textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent)
-        is_short = len(head) + 2 < HELP_COLUMN - 1
-        paragraphs.append(f"  {head}".ljust(HELP_COLUMN) + body.lstrip() if is_short else f"  {head}\n{body}")
+    for flag in flags_of(config_type):
+        head = f"  --{flag.name}={flag.value_name}"
+        body = textwrap.fill(_help(flag, comments), width, initial_indent=indent, subsequent_indent=indent)
+        is_short = len(head) + 1 < HELP_COLUMN
+        paragraphs.append(head.ljust(HELP_COLUMN) + body.lstrip() if is_short else f"{head}\n{body}")
     return "\n".join(paragraphs)
 
 

@@ -65,26 +65,25 @@ def run_program(
     def main() -> int:
         words = sys.argv[1:]
         values = check_flags(words, config)
-        if "help" not in values:
-            if path := values.get("policy.path"):
-                require_checkpoint_if_local(path)
-                if not Path(path).is_dir() and TRUST_FLAG not in words:
-                    raise BimanualError(
-                        f"{path} is on the Hub, where nothing can check it: `hf download {path} --local-dir=FOLDER` and give the "
-                        f"folder, or {TRUST_FLAG} where you trust its source"
-                    )
-            check(values)
-            print(f"{program}: importing LeRobot", file=sys.stderr)
-        keep = f"--{KEEP_FLAG}"
-        pairs = zip(words, ["", *words], strict=False)
-        ours = [word.startswith((TRUST_FLAG, keep)) or last == keep for word, last in pairs]
-        sys.argv[1:] = [word for word, is_ours in zip(words, ours, strict=True) if not is_ours]
+        keep, pairs = f"--{KEEP_FLAG}", zip(words, ["", *words], strict=False)
+        sys.argv[1:] = [
+            word for word, last in pairs if last != keep and not word.startswith((TRUST_FLAG, keep))
+        ]
         if "help" in values:
             print(f"flags of ours: {TRUST_FLAG}; in trainings --{KEEP_FLAG}=N. All others are LeRobot's:\n")
             filtered: Any = Filtered(sys.stderr, progress)
             with redirect_stderr(filtered):
                 work(values)
             return 0
+        if path := values.get("policy.path"):
+            require_checkpoint_if_local(path)
+            if not Path(path).is_dir() and TRUST_FLAG not in words:
+                raise BimanualError(
+                    f"{path} is on the Hub, where nothing can check it: `hf download {path} --local-dir=FOLDER` and give "
+                    f"the folder, or {TRUST_FLAG} where you trust its source"
+                )
+        check(values)
+        print(f"{program}: importing LeRobot", file=sys.stderr)
         shown: list[Any] = [Filtered(stream, progress) for stream in (sys.stdout, sys.stderr)]
         if not progress:
             _report_ours(Filtered(sys.stderr, progress=True))

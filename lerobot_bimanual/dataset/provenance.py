@@ -63,11 +63,7 @@ class Provenance(Record):
 
     @classmethod
     def of_dataset(cls, root: Path) -> Self | None:
-        """Provenance of a dataset; `None` where there is none, as after a merge by LeRobot's own tools.
-
-        Raises:
-            BadRecord: the file has another form than this version writes.
-        """
+        """Provenance of a dataset, as `Record.read`; None where there is none, as after a merge by LeRobot's own tools."""
         path = root / PROVENANCE_FILE
         return cls.read(path) if path.is_file() else None
 

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, PositiveInt
+from pydantic import Field, PositiveInt
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.calibration import Calibration
@@ -123,20 +123,16 @@ class RecordedDataset:
         yield from map(self.episode, range(len(self)))
 
 
-class _Feature(Record):
+class _Feature(Record, extra="ignore"):
     """Of a feature of LeRobot, what is read here."""
-
-    model_config = ConfigDict(extra="ignore")
 
     dtype: str
     shape: list[PositiveInt]
     info: dict[str, Any] | None = None
 
 
-class _Info(Record):
+class _Info(Record, extra="ignore"):
     """Of LeRobot's `meta/info.json`, what is read here."""
-
-    model_config = ConfigDict(extra="ignore")
 
     fps: Annotated[int, Field(gt=0, le=1000)]
     features: dict[str, _Feature]

@@ -34,7 +34,8 @@ def conditions_table(result: RobustnessResult) -> pd.DataFrame:
     lines, axes = [], {axis.name: axis for axis in result.axes}
     for each in result.conditions:
         rates, axis = each.rates, axes.get(each.axis)
-        changes = each.changes_from(result.nominal)
+        pairs = zip(each.episodes, result.nominal.episodes, strict=True)
+        changes = [here.success - there.success for here, there in pairs]
         low, high = rates["policy"].interval
         lines.append(
             {

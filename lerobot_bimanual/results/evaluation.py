@@ -22,8 +22,6 @@ class EvaluationHead(Record):
     """What an evaluation of one task is of; two with equal heads may share their episodes.
 
     Attributes:
-        schema_version: version of these fields.
-        task: name of the task.
         world: version of what the task's world does.
         options: options of the environment that decide what is played and seen, by name.
         batch_size: environments side by side. A network's answers differ in their last bits between batch sizes, so a

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeInt, PositiveInt
 
@@ -63,11 +63,6 @@ class PolicyCondition(Condition):
     open_loop_solved: tuple[int, ...] = ()
     expert_report: SuccessRate | None = None
     episodes: Episodes
-
-    def changes_from(self, other: Self) -> list[int]:
-        """By episode, -1 if the policy solved it on the other condition only, 1 if on this one only, else 0."""
-        pairs = zip(self.episodes, other.episodes, strict=True)
-        return [here.success - there.success for here, there in pairs]
 
     @property
     def rates(self) -> dict[str, SuccessRate]:
