@@ -10,10 +10,9 @@ from typing import Any
 
 import pandas as pd
 
+from lerobot_bimanual.benchmark import recipes
 from lerobot_bimanual.benchmark.config import beyond_recipe, command, shortest_config
 from lerobot_bimanual.benchmark.plan import BASELINES
-from lerobot_bimanual.benchmark.recipes import GROUP as RECIPE_GROUP
-from lerobot_bimanual.benchmark.recipes import SIZES
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.pages import render
@@ -40,7 +39,7 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
     trained = [(path, each) for path, each in ordered if isinstance(each, BenchmarkResult)]
     again, beyond = None, {}
     for path, each in trained:
-        if each.config.recipe not in SIZES or each.config.policy not in entries(RECIPE_GROUP):
+        if each.config.recipe not in recipes.SIZES or each.config.policy not in entries(recipes.GROUP):
             continue
         try:
             config = shortest_config(each.config)

@@ -26,8 +26,7 @@ def conditions_table(result: RobustnessResult) -> pd.DataFrame:
     """One line per condition.
 
     Returns:
-        Columns `condition`, `level`, `magnitude`, `n` (episodes), `solved`, `low` and `high` (95 % interval of the rate),
-        `expert` and `open_loop` (episodes solved), `valid`, and beside the nominal world `lost`, `won` (episodes), `p`
+        Columns `condition`, `level`, `magnitude`, `n` (episodes), `solved`, `interval` (95 %, of the rate, as text), `expert` and `open_loop` (episodes solved), `valid`, and beside the nominal world `lost`, `won` (episodes), `p`
         (McNemar's exact test) and `p_holm` (corrected by Holm for the number of axes with a valid condition of the same
         level; NaN if the condition is not valid).
     """
@@ -36,7 +35,6 @@ def conditions_table(result: RobustnessResult) -> pd.DataFrame:
         rates, axis = each.rates, axes.get(each.axis)
         pairs = zip(each.episodes, result.nominal.episodes, strict=True)
         changes = [here.success - there.success for here, there in pairs]
-        low, high = rates["policy"].interval
         lines.append(
             {
                 "condition": each.name,
@@ -44,8 +42,7 @@ def conditions_table(result: RobustnessResult) -> pd.DataFrame:
                 "magnitude": axis.magnitudes[each.level - 1] if axis else None,
                 "n": len(each.episodes),
                 "solved": rates["policy"].successes,
-                "low": low,
-                "high": high,
+                "interval": "{:.0%} to {:.0%}".format(*rates["policy"].interval),
                 "expert": rates["expert"].successes,
                 "open_loop": rates["open_loop"].successes,
                 "valid": each.is_valid,
@@ -71,7 +68,7 @@ def print_robustness(result: RobustnessResult) -> None:
             "condition": line.condition,
             "magnitude": f"{line.magnitude:g}" if line.level else "",
             "policy": line.solved,
-            "95 % interval": f"{line.low:.0%} to {line.high:.0%}",
+            "95 % interval": line.interval,
             "expert": line.expert,
             "open loop": line.open_loop,
             "lost, won": f"{line.lost}, {line.won}" if line.level else "",
