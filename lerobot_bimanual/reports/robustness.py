@@ -26,7 +26,8 @@ def conditions_table(result: RobustnessResult) -> pd.DataFrame:
     """One line per condition.
 
     Returns:
-        Columns `condition`, `level`, `magnitude`, `n` (episodes), `solved`, `interval` (95 %, of the rate, as text), `expert` and `open_loop` (episodes solved), `valid`, and beside the nominal world `lost`, `won` (episodes), `p`
+        Columns `condition`, `level`, `magnitude`, `n` (episodes), `solved`, `interval` (95 %, of the rate, as text),
+        `expert` and `open_loop` (episodes solved), `valid`, and beside the nominal world `lost`, `won` (episodes), `p`
         (McNemar's exact test) and `p_holm` (corrected by Holm for the number of axes with a valid condition of the same
         level; NaN if the condition is not valid).
     """
