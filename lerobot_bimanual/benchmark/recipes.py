@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self, get_args
+from typing import Any, Self, cast, get_args
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
@@ -80,7 +80,7 @@ class Recipe:
             sections = read_yaml(files[name])
             view, type_ = Path(sections["dataset"]["root"]).name, sections["policy"]["type"]
             numbers = [int(sections[each]) for each in ("steps", "batch_size", "save_freq")]
-            recipe = cls(files[name], sections, view, *numbers)
+            recipe = cls(files[name], sections, cast("schema.View", view), *numbers)
             recipe.options(image_size=1)  # of inputs that are as LeRobot has them
         except (ValueError, TypeError, KeyError, AttributeError, IndexError, BimanualError) as error:
             raise BimanualError(f"{files[name]} is not a recipe of a benchmark: {error!r}") from error
