@@ -110,7 +110,8 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     training = recipe.options(numbers["image_size"])
     usual_device = training.get("policy.device")
     training = {name: value for name, value in training.items() if name not in OWN_FLAGS["train_flags"]}
-    training |= {"num_workers": 0, "log_freq": max(1, numbers["save_freq"] // 5)}  # the dataset is in memory
+    # The dataset is in memory, so workers would have nothing to do.
+    training |= {"num_workers": 0, "log_freq": max(1, numbers["save_freq"] // 5)}
     training |= _options(config, "train_flags")
     if numbers["val_episodes"] and "keep_last" in training:
         raise BimanualError(

@@ -81,7 +81,7 @@ class Recipe:
             view, type_ = Path(sections["dataset"]["root"]).name, sections["policy"]["type"]
             numbers = [int(sections[each]) for each in ("steps", "batch_size", "save_freq")]
             recipe = cls(files[name], sections, cast("schema.View", view), *numbers)
-            recipe.options(image_size=1)  # of inputs that are as LeRobot has them
+            recipe.options(image_size=1)  # fails on inputs that LeRobot could not read
         except (ValueError, TypeError, KeyError, AttributeError, IndexError, BimanualError) as error:
             raise BimanualError(f"{files[name]} is not a recipe of a benchmark: {error!r}") from error
         if view not in schema.VIEWS:
