@@ -43,8 +43,16 @@ def push_dataset(root: Path, repo_id: str, *, private: bool = False, branch: str
     """Make a repository, new or not, hold exactly this dataset, with its card, in one commit.
 
     The commit on `main` gets LeRobot's version tag, the revision that `LeRobotDataset(repo_id)` asks for. One on
-    another branch gets none, and is loaded with `revision=branch`. The card and the checksums in `root` are written again
-    with the name of the repository. One that exists stays public or private. Returns the dataset's address.
+    another branch gets none, and is loaded with `revision=branch`.
+
+    Args:
+        root: folder of the dataset; its card and its checksums are written again with the name of the repository.
+        repo_id: USER/NAME or ORGANISATION/NAME.
+        private: hide a new repository from others; an existing one stays as it is.
+        branch: branch instead of `main`; made if it does not exist.
+
+    Returns:
+        Address of the dataset.
 
     Raises:
         BimanualError: the folder is not one dataset as it was published, with its provenance; the name is malformed, no
