@@ -19,7 +19,6 @@ from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, free_bodies
 from lerobot_env_bimanual.registry import AXES
-from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import build_spec
 
@@ -35,7 +34,7 @@ MAX_SHIFT_M = 0.05
 
 @cache
 def model_of(task: str) -> mujoco.MjSpec:
-    return build_spec(get_task(task).spec.props, PANDA_PAIR)
+    return build_spec(get_task(task).spec.props)
 
 
 def applies(axis: str, task: str) -> bool:

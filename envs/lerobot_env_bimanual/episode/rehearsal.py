@@ -193,7 +193,7 @@ class RehearsalView(SceneView):
     """A view of a state of its own, whose arms are set rather than driven."""
 
     def __init__(self, scene: SceneView):
-        super().__init__(scene.model, scene.arm_pair, scene.commanded, scene.props, scene.setting)
+        super().__init__(scene.model, scene.commanded, scene.props, scene.setting)
         self._carried: dict[Arm, tuple[str, Carried]] = {}
 
     def copy_from(self, scene: SceneView) -> None:

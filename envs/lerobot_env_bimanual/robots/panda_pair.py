@@ -1,7 +1,6 @@
 """Two Pandas that face each other across the table: a pair of arms as the rest of the world uses it."""
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,46 +32,46 @@ class JointLimits:
     jerk_rad_s3: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
 class ArmPair:
     """Two equal seven-joint arms with parallel grippers; everything that is particular to the robot.
 
     Names are part of the contract: `<arm>_joint1..7`, `<arm>_finger1/2` (bodies and slide joints),
     `<arm>_actuator1..7`, `<arm>_gripper`, site `<arm>_tcp`, bodies `<arm>_base`, `<arm>_link1..7`,
     `<arm>_hand`, geoms `<arm>_pad1/2`, camera `<arm>_wrist`.
-
-    Attributes:
-        base_poses: world poses of the left and the right base.
-        home_joints: (7,) rad, the joints of either arm at reset.
-        joint_lower: (7,) rad.
-        joint_upper: (7,) rad.
-        joint_limits: of torque, velocity, acceleration and jerk.
-        position_gain_nm_rad: (7,) of the joints' servos.
-        servo_lead_s: seconds by which a position servo lags a moving target (velocity gain over position gain);
-            the command is advanced by this time times the target's velocity.
-        closed_travel_m: finger travel to which a closing hand is sent; below zero so that it still pushes on a thin
-            object.
-        finger_travel_m: stroke of one finger, and where an opening hand is sent.
-        finger_speed_m_s: at which a finger moves.
-        add_arm: writes one arm, named by the prefix, at a world pose into a model under construction.
     """
 
-    base_poses: tuple[Pose, Pose]
-    home_joints: np.ndarray
-    joint_lower: np.ndarray
-    joint_upper: np.ndarray
-    joint_limits: JointLimits
-    position_gain_nm_rad: np.ndarray
-    servo_lead_s: float
-    closed_travel_m: float
-    finger_travel_m: float
-    finger_speed_m_s: float
-    add_arm: Callable[[mujoco.MjSpec, str, Pose], None]
+    # PerAct2 ships no scene file; these poses are the ones for which its stored home tips and all its waypoints
+    # are reachable. Both bases stand on the table.
+    base_poses = (
+        Pose.upright((-0.243, 0.022, TABLE_HEIGHT_M), np.deg2rad(5)),
+        Pose.upright((0.792, -0.244, TABLE_HEIGHT_M), np.pi),
+    )
+    """Poses of the left and the right base, world frame."""
+    # RLBench's home. Its fourth joint is -0.8727 there, measured from a zero that lies 4 degrees lower.
+    home_joints = np.array([0.0, 0.1745, 0.0, -0.803, 0.0, 1.2217, 0.7854])
+    """(7,) rad, the joints of either arm at reset."""
+    joint_lower, joint_upper = panda.JOINT_LOWER, panda.JOINT_UPPER
+    """(7,) rad each."""
+    joint_limits = JointLimits(
+        np.array(panda.TORQUE_LIMIT_NM),
+        panda.VELOCITY_LIMIT_RAD_S,
+        panda.ACCELERATION_LIMIT_RAD_S2,
+        panda.JERK_LIMIT_RAD_S3,
+    )
+    position_gain_nm_rad = panda.POSITION_GAIN
+    """(7,) of the joints' servos."""
+    servo_lead_s = panda.VELOCITY_GAIN_RATIO_S
+    """Time by which a servo lags a moving target; its command is advanced by this times the target's velocity."""
+    closed_travel_m = panda.CLOSED_TRAVEL_M
+    """Where a closing finger is sent: below zero, so that it still pushes on a thin object."""
+    finger_travel_m = panda.FINGER_TRAVEL_M
+    """Stroke of one finger, and where an opening one is sent."""
+    finger_speed_m_s = panda.FINGER_SPEED_M_S
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write both arms; their actuators come in the order of the joint action."""
         for arm in ARMS:
-            self.add_arm(spec, arm.value, self.base_pose(arm))
+            panda.add_panda(spec, arm.value, self.base_pose(arm))
 
     def base_pose(self, arm: Arm) -> Pose:
         """World pose of an arm's base."""
@@ -117,27 +116,4 @@ class ArmPair:
         return self.closed_travel_m + opening * (self.finger_travel_m - self.closed_travel_m)
 
 
-PANDA_PAIR = ArmPair(
-    # PerAct2 ships no scene file; these poses are the ones for which its stored home tips and all its waypoints
-    # are reachable. Both bases stand on the table.
-    base_poses=(
-        Pose.upright((-0.243, 0.022, TABLE_HEIGHT_M), np.deg2rad(5)),
-        Pose.upright((0.792, -0.244, TABLE_HEIGHT_M), np.pi),
-    ),
-    # RLBench's home. Its fourth joint is -0.8727 there, measured from a zero that lies 4 degrees lower.
-    home_joints=np.array([0.0, 0.1745, 0.0, -0.803, 0.0, 1.2217, 0.7854]),
-    joint_lower=panda.JOINT_LOWER,
-    joint_upper=panda.JOINT_UPPER,
-    joint_limits=JointLimits(
-        np.array(panda.TORQUE_LIMIT_NM),
-        panda.VELOCITY_LIMIT_RAD_S,
-        panda.ACCELERATION_LIMIT_RAD_S2,
-        panda.JERK_LIMIT_RAD_S3,
-    ),
-    position_gain_nm_rad=panda.POSITION_GAIN,
-    servo_lead_s=panda.VELOCITY_GAIN_RATIO_S,
-    closed_travel_m=panda.CLOSED_TRAVEL_M,
-    finger_travel_m=panda.FINGER_TRAVEL_M,
-    finger_speed_m_s=panda.FINGER_SPEED_M_S,
-    add_arm=panda.add_panda,
-)
+PANDA_PAIR = ArmPair()

@@ -28,7 +28,6 @@ from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.perturbations.axis import Axis
 from lerobot_env_bimanual.registry import AXES
-from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.workers import WorkerPool
@@ -95,7 +94,7 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
             raise InvalidChoice("levels", level, map(str, LEVELS))
     tests = [axis for axis in AXES.all().values() if axis.group != "training"]
     chosen = [AXES.get(name) for name in sorted(set(axes))] or tests
-    model = build_spec(spec.props, PANDA_PAIR)
+    model = build_spec(spec.props)
     applicable = [axis for axis in chosen if axis.applies_to(spec, model)]
     if not applicable:
         raise BimanualError(f"none of the axes {', '.join(axes)} finds anything to change in {task}")

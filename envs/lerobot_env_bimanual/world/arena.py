@@ -17,7 +17,7 @@ from lerobot_env_bimanual.props.prop import (
     add_camera,
     draw_box,
 )
-from lerobot_env_bimanual.robots.panda_pair import ArmPair
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.textures import add_material, boards, plaster
 
 PHYSICS_STEP_S = 0.002
@@ -61,7 +61,7 @@ NEAR_M = 0.01
 FAR_M = 10.0
 
 
-def build_spec(props: Sequence[Prop], arm_pair: ArmPair) -> mujoco.MjSpec:
+def build_spec(props: Sequence[Prop]) -> mujoco.MjSpec:
     """A complete model: room, arms, then props in the given order."""
     spec = mujoco.MjSpec()
     spec.modelname = "bimanual"
@@ -69,7 +69,7 @@ def build_spec(props: Sequence[Prop], arm_pair: ArmPair) -> mujoco.MjSpec:
     spec.memory = 32 * 2**20
     _set_physics(spec)
     _add_room(spec)
-    arm_pair.add_to(spec)
+    PANDA_PAIR.add_to(spec)
     for prop in props:
         prop.add_to(spec)
     return spec

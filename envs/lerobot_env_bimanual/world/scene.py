@@ -15,7 +15,7 @@ from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.props.prop import Prop
-from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR, ArmPair
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.alterations import Alterations, solid_geom_counts
 from lerobot_env_bimanual.world.appearance import NOMINAL, Appearance
 from lerobot_env_bimanual.world.arena import build_spec
@@ -70,7 +70,6 @@ class Scene(SceneView):
 
     Args:
         props: the things besides robots and room, in the order in which they are compiled.
-        arm_pair: the robots.
         patch: changes the model before it is compiled.
         setting: of its episodes.
         prop_set: index of `props` among the sets of the setting.
@@ -82,17 +81,16 @@ class Scene(SceneView):
     def __init__(
         self,
         props: Sequence[Prop] = (),
-        arm_pair: ArmPair = PANDA_PAIR,
         patch: Callable[[mujoco.MjSpec], None] | None = None,
         setting: str = STANDARD,
         prop_set: int = 0,
     ):
-        self._home_action = np.array([*arm_pair.home_joints, 1.0] * len(ARMS), dtype=np.float32)
-        spec = build_spec(props, arm_pair)
+        self._home_action = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
+        spec = build_spec(props)
         if patch is not None:
             patch(spec)
         spec.nuserdata = 3 * len(spec.bodies)  # where each body was placed: a part of MuJoCo's state
-        super().__init__(spec.compile(), arm_pair, self._home_action, props, setting)
+        super().__init__(spec.compile(), self._home_action, props, setting)
         self._identity = f"{setting} {prop_set}".encode() if setting != STANDARD else b""
         self.ticks = 0
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
@@ -103,7 +101,7 @@ class Scene(SceneView):
         self._prop_positions = self.data.qpos[self._finger_qpos.max() + 1 :]
         self._forgotten: tuple[bytes, bytes] | None = None
         self._geom_counts, self._solid_counts = self.model.body_geomnum.copy(), solid_geom_counts(self.model)
-        self._servos = ServoCommands(self.model, self.data, arm_pair)
+        self._servos = ServoCommands(self.model, self.data)
         self._ctrl_bytes = memoryview(self.data.ctrl[:JOINT_ACTION_DIM]).cast("B")
         self._options, self._body_geomnum = self.model.opt, self.model.body_geomnum
         self.reset()

@@ -11,7 +11,7 @@ from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.options import STANDARD, VARIED
 from lerobot_env_bimanual.props.prop import Prop
-from lerobot_env_bimanual.robots.panda_pair import ArmPair
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.appearance import NOMINAL
 
 MIN_SQUEEZE_N = 2.0
@@ -28,7 +28,6 @@ class SceneView:
 
     Args:
         model: compiled MuJoCo model.
-        arm_pair: the robots in it.
         commanded: (16,) the joint action that the arms hold.
         props: the things besides robots and room.
         setting: of the episode.
@@ -38,7 +37,7 @@ class SceneView:
         props: as given.
         setting: as given.
         data: its state; read it freely, change it only through the methods of a subclass.
-        arm_pair: as given.
+        arm_pair: the robots.
         arm_of_body: (nbody,) number of the arm that each body belongs to; -1 for the room and props.
         appearance: how it looks where that differs from the model, and where its cameras are.
     """
@@ -46,14 +45,13 @@ class SceneView:
     def __init__(
         self,
         model: mujoco.MjModel,
-        arm_pair: ArmPair,
         commanded: NDArray[np.float32],
         props: Sequence[Prop] = (),
         setting: str = STANDARD,
     ):
         self.model, self.props, self.setting = model, tuple(props), setting
         self.data = mujoco.MjData(model)
-        self.arm_pair = arm_pair
+        self.arm_pair = arm_pair = PANDA_PAIR
         bases = [model.body_rootid == model.body(arm_pair.base_body(arm)).id for arm in ARMS]
         self.arm_of_body = np.select(bases, [arm.ordinal for arm in ARMS], -1)
         self.appearance = NOMINAL

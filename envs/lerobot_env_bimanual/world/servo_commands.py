@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.joint_action import ARM_ACTION_DIM, CONTROL_HZ, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.robots.panda_pair import ArmPair
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 
 TICK_S = 1 / CONTROL_HZ
@@ -25,7 +25,6 @@ class ServoCommands:
     Args:
         model: compiled; the arms come first in it.
         data: its state, of which inertia, fingers and the last commands are read.
-        arm_pair: the robots in it.
 
     Attributes:
         change: (16,) by how much the last action differed from the one before.
@@ -34,31 +33,31 @@ class ServoCommands:
         ValueError: the first actuators are not those of the joint action.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, arm_pair: ArmPair):
-        order = [model.actuator(name).id for arm in ARMS for name in arm_pair.actuator_names(arm)]
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
+        order = [model.actuator(name).id for arm in ARMS for name in PANDA_PAIR.actuator_names(arm)]
         if order != list(range(JOINT_ACTION_DIM)):
             raise ValueError(
                 f"arm actuators must come first, in the order of the joint action; got ids {order}"
             )
-        self._model, self._data, self._arm_pair = model, data, arm_pair
+        self._model, self._data = model, data
         self._qpos, self._ctrl = data.qpos, data.ctrl
         self._rows = np.empty((STEPS_PER_TICK, JOINT_ACTION_DIM))
         self._parts = np.empty((STEPS_PER_TICK, 2, JOINT_ACTION_DIM))
-        self._shares = _spline_shares(arm_pair.servo_lead_s / TICK_S)
+        self._shares = _spline_shares(PANDA_PAIR.servo_lead_s / TICK_S)
         self._changes = np.zeros((2, JOINT_ACTION_DIM))
         self._last_change, self.change = self._changes
         self._offset, self._lead = np.zeros((2, JOINT_ACTION_DIM))
         self._acceleration, self._force = np.zeros((2, model.nv))
         self._last_change_of_joints, self._change_of_joints = by_arm(self._changes)[..., :JOINTS_PER_ARM]
         self._lead_of_joints = by_arm(self._lead)[:, :JOINTS_PER_ARM]
-        dofs = [model.joint(arm_pair.joint_names(arm)[0]).dofadr[0] for arm in ARMS]
+        dofs = [model.joint(PANDA_PAIR.joint_names(arm)[0]).dofadr[0] for arm in ARMS]
         self._acceleration_of_joints, self._force_of_joints = (
             _of_joints(vector, *dofs) for vector in (self._acceleration, self._force)
         )
-        self._lead_per_force = 1 / (TICK_S**2 * arm_pair.position_gain_nm_rad)
-        fingers = map(arm_pair.finger_names, ARMS)
+        self._lead_per_force = 1 / (TICK_S**2 * PANDA_PAIR.position_gain_nm_rad)
+        fingers = map(PANDA_PAIR.finger_names, ARMS)
         self._fingers = [[model.joint(name).qposadr[0] for name in names] for names in fingers]
-        self._finger_reach = arm_pair.finger_speed_m_s * PHYSICS_STEP_S * np.arange(1, STEPS_PER_TICK + 1)
+        self._finger_reach = PANDA_PAIR.finger_speed_m_s * PHYSICS_STEP_S * np.arange(1, STEPS_PER_TICK + 1)
         self._rests = True
 
     def restore(self, change: ArrayLike) -> None:
@@ -108,7 +107,7 @@ class ServoCommands:
         The way begins at the last command, or where the fingers are if that is nearer: a hand that lets go does not
         have to take back at first how hard it pressed.
         """
-        target = self._arm_pair.finger_target_m(opening)
+        target = PANDA_PAIR.finger_target_m(opening)
         one, other = self._fingers[arm.ordinal]
         fingers, last = (self._qpos.item(one) + self._qpos.item(other)) / 2, self._ctrl.item(_gripper(arm))
         start = min(last, fingers) if target < fingers else max(last, fingers)
