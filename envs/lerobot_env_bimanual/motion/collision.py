@@ -119,15 +119,13 @@ class CollisionChecker:
         return " and ".join(self._model.body(body).name for body in offending[0])
 
     def _make_contact_rules(self) -> CollisionRules:
-        is_finger = np.zeros(self._model.nbody, dtype=bool)
-        for arm in ARMS:
-            fingers = self._scene.arm_pair.finger_names(arm)
-            is_finger[[self._model.body(name).id for name in fingers]] = True
+        pair, every = self._scene.arm_pair, np.arange(self._model.nbody)
+        is_finger, upper = (
+            np.isin(every, [self._model.body(name).id for arm in ARMS for name in names(arm)])
+            for names in (pair.finger_names, pair.upper_links)
+        )
         left, right = (self._owner == arm.ordinal for arm in ARMS)
-        world = np.arange(self._model.nbody) == 0
-        upper = np.zeros(self._model.nbody, dtype=bool)
-        for arm in ARMS:
-            upper[[self._model.body(name).id for name in self._scene.arm_pair.upper_links(arm)]] = True
+        world = every == 0
         least = self._no_rules()
         _require(least, left, left, 0.0)
         _require(least, right, right, 0.0)

@@ -110,11 +110,8 @@ def _end_postures(request: LineRequest, present: Array) -> Iterator[Array]:
     """Postures (7,) at the end of a line to be tried, best first: near the start's, and away from joint limits.
 
     The last joint follows the hand, so the whole of its range is searched only for a hand that goes further than
-    `NEAR_M` or turns by more than half of `ArmKinematics.near_span_rad`, or where the best posture near the start's has not led to a line.
-
-    Args:
-        request: the line.
-        present: (4, 4) pose of the hand at its start.
+    `NEAR_M` or turns by more than half of `ArmKinematics.near_span_rad` from its `present` pose (4, 4), or where the best
+    posture near the start's has not led to a line.
     """
     kinematics, start, target = request.kinematics, request.start, request.target
 

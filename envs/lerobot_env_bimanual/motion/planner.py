@@ -25,8 +25,6 @@ Array = NDArray[np.floating]
 
 REST_TICKS = 2
 """Ticks of rest at the end of each motion, 0.1 s."""
-GRIPPER_TICKS = GRIPPER_FRAMES
-"""Ticks of waiting after a gripper command."""
 PATH_CHECK_RAD = 0.02
 """Joint travel between two collision checks along a path."""
 MAX_GOALS = 4
@@ -145,14 +143,11 @@ class KeyposePlanner:
         )
         goals, obstacle = self._free_goals(motion, rules, candidates)
         for goal in goals:
-            straight = {arm: JointPath(np.stack([start[arm], goal[arm]])) for arm in targets}
-            if self._is_free(rules, motion.paths | straight):
-                for arm, path in straight.items():
-                    motion.add(arm, path, FREE)
-                return
-            around = self._search(motion, rules, goal, rng)
-            if around is not None:
-                for arm, path in around.items():
+            paths = {arm: JointPath(np.stack([start[arm], goal[arm]])) for arm in targets}
+            if not self._is_free(rules, motion.paths | paths):
+                paths = self._search(motion, rules, goal, rng)
+            if paths is not None:
+                for arm, path in paths.items():
                     motion.add(arm, path, FREE)
                 return
         failed = next(iter(targets)) if len(targets) == 1 else "both"
@@ -230,21 +225,11 @@ class KeyposePlanner:
     # -- timing -------------------------------------------------------------------------------------------
 
     def _timed(self, motion: _Motion, keypose: BimanualKeypose, grippers: NDArray[np.float32]) -> Plan:
-        """Sample both paths at control ticks, then rest, then set the grippers.
-
-        Args:
-            motion: paths and paces of both arms.
-            keypose: for the grippers' final state.
-            grippers: (2,) commanded openings at the start.
-        """
-        fractions = tick_fractions(
-            [motion.paths[arm] for arm in ARMS],
-            [self._kinematics[arm] for arm in ARMS],
-            [motion.paces[arm].limits(self._scene.arm_pair.joint_limits) for arm in ARMS],
-        )
+        """Sample both paths at control ticks, then rest, then set the grippers, whose openings (2,) at the start are given."""
+        fractions = tick_fractions([motion.paths[arm] for arm in ARMS], [motion.paces[arm] for arm in ARMS])
         ticks = len(fractions)
         opened = np.array([float(keypose[arm].gripper_open) for arm in ARMS], dtype=np.float32)
-        waiting = GRIPPER_TICKS if (opened != grippers).any() else 0
+        waiting = GRIPPER_FRAMES if (opened != grippers).any() else 0
         arm_actions = np.empty((ticks + REST_TICKS + waiting, len(ARMS), ARM_ACTION_DIM), dtype=np.float32)
         for arm in ARMS:
             arm_actions[:ticks, arm.ordinal, :-1] = motion.paths[arm].at(fractions)

@@ -19,12 +19,13 @@ from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import is_free
 from lerobot_env_bimanual.motion.joint_path import JointPath
-from lerobot_env_bimanual.robots.kinematics import ArmKinematics
-from lerobot_env_bimanual.robots.panda_pair import JointLimits
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 Array = NDArray[np.floating]
+
+JOINT_LIMITS = PANDA_PAIR.joint_limits
 
 STEPS = 64
 """Stretches of the path in which speeds are chosen."""
@@ -34,25 +35,6 @@ BEND_SHARE = 0.7
 """Largest share of the acceleration that may go into following the path's bends at constant speed."""
 ROUNDING = 1e-3
 """Relative excess over a limit that is let pass; actions are float32."""
-
-
-@dataclass(frozen=True, eq=False)
-class MotionLimits:
-    """What one arm may do during a motion.
-
-    Attributes:
-        velocity_rad_s: (7,) of each joint.
-        acceleration_rad_s2: (7,) of each joint.
-        acceleration_step_rad_s2: (7,) from one control tick to the next.
-        tip_m_s: speed of the tool centre point.
-        tip_m_s2: acceleration of the tool centre point while it gains speed.
-    """
-
-    velocity_rad_s: Array
-    acceleration_rad_s2: Array
-    acceleration_step_rad_s2: Array
-    tip_m_s: float
-    tip_m_s2: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -71,16 +53,20 @@ class Pace:
     tip_m_s: float
     tip_m_s2: float = np.inf
 
-    def limits(self, joints: JointLimits) -> MotionLimits:
-        """What an arm with these joints may do at this pace."""
-        return MotionLimits(
-            velocity_rad_s=self.velocity_share * joints.velocity_rad_s,
-            acceleration_rad_s2=self.acceleration_share * joints.acceleration_rad_s2,
-            # Acceleration is constant within a control tick and steps between two, within one step of physics.
-            acceleration_step_rad_s2=self.acceleration_share * joints.jerk_rad_s3 * PHYSICS_STEP_S,
-            tip_m_s=self.tip_m_s,
-            tip_m_s2=self.tip_m_s2,
-        )
+    @property
+    def velocity_rad_s(self) -> Array:
+        """(7,) of each joint."""
+        return self.velocity_share * JOINT_LIMITS.velocity_rad_s
+
+    @property
+    def acceleration_rad_s2(self) -> Array:
+        """(7,) of each joint."""
+        return self.acceleration_share * JOINT_LIMITS.acceleration_rad_s2
+
+    @property
+    def acceleration_step_rad_s2(self) -> Array:
+        """(7,) from one control tick to the next: within one step of physics, as it is constant within a tick."""
+        return self.acceleration_share * JOINT_LIMITS.jerk_rad_s3 * PHYSICS_STEP_S
 
 
 FREE = Pace(velocity_share=0.8, acceleration_share=0.5, tip_m_s=1.2)
@@ -114,57 +100,52 @@ def is_beside_heavy(scene: SceneView, arm: Arm) -> bool:
     )
 
 
-def tick_fractions(
-    paths: Sequence[JointPath], kinematics: Sequence[ArmKinematics], limits: Sequence[MotionLimits]
-) -> Array:
+def tick_fractions(paths: Sequence[JointPath], paces: Sequence[Pace]) -> Array:
     """Path parameters (ticks,) at the end of each control tick of a motion; the last one is 1.
 
     The arms stay in step: both are at the same path parameter at any time, so what was checked for their paths
     together holds for their motion. No ticks at all if both stand still.
 
     Args:
-        paths: both arms' paths.
-        kinematics: both arms.
-        limits: both arms' limits.
+        paths: of the left and the right arm.
+        paces: of the left and the right arm.
     """
     if all(path.is_still for path in paths):
         return np.empty(0)
-    law = _SmoothLaw(_fastest_speeds(paths, kinematics, limits))
+    law = _SmoothLaw(_fastest_speeds(paths, paces))
     ticks = int(np.ceil(law.duration_s * CONTROL_HZ))
     while True:
         fractions = law.at(np.arange(1, ticks + 1) / ticks)
         excess = max(
-            _excess(path.at(np.append(0.0, fractions)), limit)
-            for path, limit in zip(paths, limits, strict=True)
+            _excess(path.at(np.append(0.0, fractions)), pace) for path, pace in zip(paths, paces, strict=True)
         )
         if excess <= 1.0 + ROUNDING:
             return fractions
         ticks = max(ticks + 1, int(ticks * excess))
 
 
-def _fastest_speeds(
-    paths: Sequence[JointPath], kinematics: Sequence[ArmKinematics], limits: Sequence[MotionLimits]
-) -> Array:
+def _fastest_speeds(paths: Sequence[JointPath], paces: Sequence[Pace]) -> Array:
     """Speeds (n,) of the path parameter, 1/s, at equal steps of it; zero at both ends."""
     grid = np.linspace(0.0, 1.0, STEPS + 1)
     step = 1.0 / STEPS
     highest, push, start = np.full((3, len(grid)), np.inf)
-    moving = [case for case in zip(paths, kinematics, limits, strict=True) if not case[0].is_still]
+    arms = PANDA_PAIR.kinematics.values()
+    moving = [case for case in zip(paths, arms, paces, strict=True) if not case[0].is_still]
     slopes, bends = [], []
     with np.errstate(divide="ignore"):
-        for path, arm, limit in moving:
+        for path, arm, pace in moving:
             joints = path.at(grid)
             tips = np.array([arm.fk(posture)[:3, 3] for posture in joints])
             slope, bend = _at_nodes(np.abs(np.diff(joints, axis=0)) / step), np.zeros_like(joints)
             bend[1:-1] = np.abs(np.diff(joints, n=2, axis=0)) / step**2
             tip_slope = _at_nodes(np.linalg.norm(np.diff(tips, axis=0), axis=1) / step)
             by_joint = np.minimum(
-                limit.velocity_rad_s / slope, np.sqrt(BEND_SHARE * limit.acceleration_rad_s2 / bend)
+                pace.velocity_rad_s / slope, np.sqrt(BEND_SHARE * pace.acceleration_rad_s2 / bend)
             )
-            highest = np.minimum(highest, np.minimum(by_joint.min(axis=1), limit.tip_m_s / tip_slope))
-            start = np.minimum(start, limit.tip_m_s2 / tip_slope)
-            slopes.append(slope / limit.acceleration_rad_s2)
-            bends.append(bend / limit.acceleration_rad_s2)
+            highest = np.minimum(highest, np.minimum(by_joint.min(axis=1), pace.tip_m_s / tip_slope))
+            start = np.minimum(start, pace.tip_m_s2 / tip_slope)
+            slopes.append(slope / pace.acceleration_rad_s2)
+            bends.append(bend / pace.acceleration_rad_s2)
         for slope, bend in zip(slopes, bends, strict=True):
             push = np.minimum(push, ((1.0 - bend * highest[:, None] ** 2) / slope).min(axis=1))
     squares = (highest**2).tolist()
@@ -223,17 +204,12 @@ def _at_nodes(segments: Array) -> Array:
     return np.maximum(np.concatenate([segments[:1], segments]), np.concatenate([segments, segments[-1:]]))
 
 
-def _excess(joints: Array, limit: MotionLimits) -> float:
-    """Factor by which a motion has to be slower, so that the commands at its ticks keep all limits.
-
-    Args:
-        joints: (ticks + 1, 7) rad, from the start.
-        limit: of the arm.
-    """
+def _excess(joints: Array, pace: Pace) -> float:
+    """Factor by which a motion (ticks + 1, 7), from its start on, has to be slower, so that its commands keep all limits."""
     at_rest = np.concatenate([joints[:1], joints[:1], joints, joints[-1:], joints[-1:]])
     excess = 0.0
     for order, bounds in enumerate(
-        (limit.velocity_rad_s, limit.acceleration_rad_s2, limit.acceleration_step_rad_s2), start=1
+        (pace.velocity_rad_s, pace.acceleration_rad_s2, pace.acceleration_step_rad_s2), start=1
     ):
         rate = CONTROL_HZ ** min(order, 2)
         worst = float((np.abs(np.diff(at_rest, n=order, axis=0)).max(axis=0) * rate / bounds).max())

@@ -99,7 +99,7 @@ def swing(*angles: float) -> JointPath:
 
 
 def law(left: JointPath, right: JointPath = STILL, pace: time_law.Pace = time_law.FREE) -> np.ndarray:
-    return time_law.tick_fractions([left, right], BOTH, [pace.limits(JOINTS)] * 2)
+    return time_law.tick_fractions([left, right], [pace] * 2)
 
 
 def rates(joints: np.ndarray) -> list[np.ndarray]:

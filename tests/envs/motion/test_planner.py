@@ -3,15 +3,10 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.joint_action import GRIPPER_FRAMES
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.motion import planner as planner_module
-from lerobot_env_bimanual.motion.planner import (
-    GRIPPER_TICKS,
-    REST_TICKS,
-    KeyposeFailure,
-    KeyposePlanner,
-    Plan,
-)
+from lerobot_env_bimanual.motion.planner import REST_TICKS, KeyposeFailure, KeyposePlanner, Plan
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -83,10 +78,10 @@ def test_actions_are_float32_far_from_the_joint_limits_and_both_arms_move_throug
 def test_grippers_change_together_after_the_motion(scene):
     plan = _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN, opened=(False, True)))
     moves = np.diff(_joints(plan), axis=0).any(axis=(1, 2))
-    assert np.flatnonzero(moves)[-1] + 2 == len(plan.actions) - REST_TICKS - GRIPPER_TICKS
+    assert np.flatnonzero(moves)[-1] + 2 == len(plan.actions) - REST_TICKS - GRIPPER_FRAMES
     grippers = plan.actions.reshape(-1, 2, 8)[..., 7]
-    assert (grippers[:-GRIPPER_TICKS] == 1).all()
-    assert (grippers[-GRIPPER_TICKS:] == (0, 1)).all()
+    assert (grippers[:-GRIPPER_FRAMES] == 1).all()
+    assert (grippers[-GRIPPER_FRAMES:] == (0, 1)).all()
 
 
 def test_an_arm_that_is_there_already_keeps_its_joints_exactly(scene):
