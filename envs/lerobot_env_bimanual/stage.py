@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 
 @dataclass(frozen=True)
@@ -68,3 +70,19 @@ class Stage:
     def holds(self, arm: Arm) -> str | None:
         """The prop that `arm` grasps at the end of this stage."""
         return self.left_holds if arm is Arm.LEFT else self.right_holds
+
+
+def home_keypose(scene: SceneView) -> BimanualKeypose:
+    """Where both arms are right after a reset, hands open."""
+    left, right = (Keypose(scene.tcp(arm), gripper_open=True, ignore_collisions=True) for arm in ARMS)
+    return BimanualKeypose(left, right)
+
+
+def stages_and_targets(
+    script: Callable[[SceneView], Iterable[Stage]], scene: SceneView
+) -> Iterator[tuple[Stage, BimanualKeypose]]:
+    """The stages of a script in a scene right after its reset, each with the target of both arms."""
+    target = home_keypose(scene)
+    for stage in script(scene):
+        target = stage.keypose(target)
+        yield stage, target

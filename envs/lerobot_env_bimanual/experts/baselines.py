@@ -25,10 +25,10 @@ from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, QUATER
 from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
-from lerobot_env_bimanual.experts.runner import Move, Player, expert, home_keypose, replanning
+from lerobot_env_bimanual.experts.runner import Move, Player, expert, replanning
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.planner import KeyposeFailure, KeyposePlanner
-from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.stage import Stage, home_keypose, stages_and_targets
 from lerobot_env_bimanual.task import Script
 from lerobot_env_bimanual.world.scene_view import SceneView
 
@@ -137,14 +137,8 @@ def language_ablated(rng: np.random.Generator) -> Player:
 
 def play_script(env: BimanualEnv, script: Script) -> Iterator[Move]:
     """The stages of a script, leniently."""
-
-    def targets() -> Iterator[tuple[str, BimanualKeypose]]:
-        target = home_keypose(env.scene)
-        for stage in script(env.scene):
-            target = stage.keypose(target)
-            yield stage.name, target
-
-    return _leniently(env, targets(), np.random.default_rng(0))
+    targets = ((stage.name, target) for stage, target in stages_and_targets(script, env.scene))
+    return _leniently(env, targets, np.random.default_rng(0))
 
 
 def mean_of_episodes(episodes: Sequence[ArrayLike]) -> NDArray[np.float64]:
@@ -265,11 +259,7 @@ def rehearsed_keyposes(env: BimanualEnv) -> NDArray[np.float32]:
             yield stage
 
     Rehearsal(env.scene).infeasibility(noted)
-    keypose, keyposes = home_keypose(env.scene), []
-    for stage in stages:
-        keypose = stage.keypose(keypose)
-        keyposes.append(keypose.to_vector())
-    return np.array(keyposes)
+    return np.array([target.to_vector() for _, target in stages_and_targets(lambda _: stages, env.scene)])
 
 
 def _size_m(view: SceneView, body: int) -> NDArray[np.float64]:

@@ -13,7 +13,8 @@ from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
-from lerobot_env_bimanual.experts.runner import Move, expert, home_keypose
+from lerobot_env_bimanual.experts.runner import Move, expert
+from lerobot_env_bimanual.stage import stages_and_targets
 from lerobot_env_bimanual.worlds import CODECS
 
 
@@ -28,15 +29,8 @@ def infeasible_plan(env: BimanualEnv) -> str | None:
 
 def keyposes_by(env: BimanualEnv, plan: int) -> list[BimanualKeypose]:
     """The keyposes of a plan from the start on, as its script gives them while nothing moves."""
-    script, target, found = (
-        env.task_definition.by_plan(env.progress.variation, plan),
-        home_keypose(env.scene),
-        [],
-    )
-    for stage in script(env.scene):
-        target = stage.keypose(target)
-        found.append(target)
-    return found
+    script = env.task_definition.by_plan(env.progress.variation, plan)
+    return [target for _, target in stages_and_targets(script, env.scene)]
 
 
 def demonstrator(env: BimanualEnv, plan: int, codec: KeyposeCodec | None = None) -> Iterator[Move]:

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport, PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.registry import AXES
+from lerobot_env_bimanual.stage import stages_and_targets
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 MAX_TIP_ERROR_MM = 12.0
@@ -63,9 +64,8 @@ def expert(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
     """
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        target = home_keypose(env.scene)
-        for stage in env.task_definition.by_plan(env.progress.variation, plan)(env.scene):
-            target = stage.keypose(target)
+        script = env.task_definition.by_plan(env.progress.variation, plan)
+        for stage, target in stages_and_targets(script, env.scene):
             commanded = target if codec is None else codec.discretise(target)
             yield Move(stage.name, commanded.to_vector(), stage.presses)
 
@@ -132,12 +132,6 @@ def _free_things(scene: SceneView) -> tuple[NDArray[np.float64], NDArray[np.floa
     xyz = np.arange(3)
     velocities = data.qvel[model.jnt_dofadr[is_free, None] + xyz]
     return data.qpos[model.jnt_qposadr[is_free, None] + xyz], np.linalg.norm(velocities, axis=1)
-
-
-def home_keypose(scene: SceneView) -> BimanualKeypose:
-    """Where both arms are right after a reset, hands open."""
-    left, right = (Keypose(scene.tcp(arm), gripper_open=True, ignore_collisions=True) for arm in ARMS)
-    return BimanualKeypose(left, right)
 
 
 def run_episode(

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axis import Axis, Start, data, register
 from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, joints_of_props
+from lerobot_env_bimanual.stage import home_keypose, stages_and_targets
 from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.world.arena import TABLE_CENTRE_XY_M, TABLE_HALF_SIZE_M
 from lerobot_env_bimanual.world.scene import Scene
@@ -155,10 +156,8 @@ def _radius(index: int) -> float:
 
 def _stages(start: Start) -> Iterator[tuple[BimanualKeypose, BimanualKeypose]]:
     """Both ends of every stage of the script; of a planned stage, whose way is not known, its end alone."""
-    scene = start.scene
-    last = BimanualKeypose(*(Keypose(scene.tcp(arm), True, True) for arm in ARMS))
-    for stage in start.task.script(scene, start.progress.variation):
-        target = stage.keypose(last)
+    script, last = start.task.by_plan(start.progress.variation), home_keypose(start.scene)
+    for stage, target in stages_and_targets(script, start.scene):
         yield (target if stage.planned else last), target
         last = target
 
