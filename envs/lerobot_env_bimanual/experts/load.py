@@ -47,7 +47,6 @@ MAX_STEPS = 500
 """Steps that are kept before they are looked at: a second of the robots' time."""
 KEYFRAME_TOLERANCE_FRAMES = 2
 
-
 BOUNDS = {
     "torque": 1.0,
     "saturated": 0.01,

@@ -34,12 +34,7 @@ def keyposes_by(env: BimanualEnv, plan: int) -> list[BimanualKeypose]:
 
 
 def demonstrator(env: BimanualEnv, plan: int, codec: KeyposeCodec | None = None) -> Iterator[Move]:
-    """The expert by a plan.
-
-    Args:
-        env: right after the reset.
-        plan: its number.
-        codec: round every keypose to its voxels and bins.
+    """The expert by the plan of this number, right after the reset; `codec` as in `expert`.
 
     Raises:
         InvalidChoice: the task has no such plan.

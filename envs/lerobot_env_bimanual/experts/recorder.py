@@ -61,7 +61,11 @@ class Tape:
 
         def images(row: int) -> dict[str, NDArray]:
             env.scene.restore_state(states[row])
-            return _camera_images(env.images(), env.options.camera_names)
+            seen, images = env.images(), {}
+            for camera in env.options.camera_names:
+                images[schema.image_key(camera)] = seen["pixels"][camera]
+                images[schema.depth_key(camera)] = seen[env_key(schema.depth_key(camera))]
+            return images
 
         split, seed = env.options.split, env.progress.seed
         meta = EpisodeMeta(env.task, env.variation, split, seed, env.task_description)
@@ -129,15 +133,7 @@ class Recorder:
 def recording_options(
     split: str, cameras: Iterable[str], image_size: tuple[int, int], perturb: str, setting: str
 ) -> EnvOptions:
-    """Options of an environment in which episodes are recorded.
-
-    Args:
-        split: of the seeds.
-        cameras: whose images are asked for.
-        image_size: height and width in pixels.
-        perturb: perturbations of the world.
-        setting: "standard" or "varied".
-    """
+    """Options of an environment in which episodes are recorded; the size of images is height and width in pixels."""
     return EnvOptions(
         split=split,
         cameras=",".join(cameras),
@@ -152,12 +148,3 @@ def recording_options(
 def _vectors(observation: dict[str, Any]) -> dict[str, NDArray]:
     """Dataset keys of an observation without images."""
     return {key: observation[env_key(key)] for key in schema.VECTORS if env_key(key) in observation}
-
-
-def _camera_images(observation: dict[str, Any], cameras: tuple[str, ...]) -> dict[str, NDArray]:
-    """Dataset keys of an observation's images."""
-    images = {}
-    for camera in cameras:
-        images[schema.image_key(camera)] = observation["pixels"][camera]
-        images[schema.depth_key(camera)] = observation[env_key(schema.depth_key(camera))]
-    return images

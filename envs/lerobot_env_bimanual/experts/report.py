@@ -46,14 +46,9 @@ STATE_HASH_DIGITS = 16
 def make_report(
     outcomes: Sequence[EpisodeOutcome], player: PlayerName, split: Split, **head: Any
 ) -> ExpertReport:
-    """The report of a player's episodes.
+    """The report of all episodes of a player.
 
-    Args:
-        outcomes: all episodes.
-        player: name of the player.
-        split: split of the seeds.
-        head: further fields of `ExpertReport`: `discretise`, `replay`, `first_seed`, `n_seeds`, `perturb` and
-            `setting`.
+    `head` holds further fields of `ExpertReport`: `discretise`, `replay`, `first_seed`, `n_seeds`, `perturb` and `setting`.
     """
     loads = {
         key: [episode.load for episode in episodes if episode.load is not None]
@@ -91,7 +86,7 @@ def violations(
     keypose, replay, and leave keyframes that are found again in 95 % of a task's episodes. With exact keyposes, of which
     datasets are made, its loads must stay within the limits of the real arm. (Half a voxel beside a handle that guides
     the hand, a stiff arm presses harder.) Holding still and random keyposes must never succeed, mean keyposes in at most
-    20 % of a task's episodes. No episode may be unstable.
+    10 % of a task's episodes. No episode may be unstable.
     """
     found = list[str]()
     solved = [outcome for outcome in outcomes if outcome.success]

@@ -73,31 +73,17 @@ def expert(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
 
 
 def expert_under(axes: Iterable[str]) -> PlayerName:
-    """Name of the expert under axes of perturbation: the replanning one if an axis moves things during the episode.
-
-    Args:
-        axes: their names; none in the nominal world.
-    """
+    """Name of the expert under axes of these names: the replanning one if an axis moves things during the episode."""
     return "replanning" if any(AXES.get(axis).disturb for axis in axes) else "expert"
 
 
 def expert_of(env: BimanualEnv, codec: KeyposeCodec | None = None) -> Player:
-    """The expert of an environment, the same in demonstrations, sweeps and reports.
-
-    Args:
-        env: its perturbations say whether things move later.
-        codec: round every keypose to its voxels and bins.
-    """
-    players = {"expert": expert, "replanning": replanning}
-    return players[expert_under(env.perturbations.magnitudes)](codec)
+    """The expert of an environment, the same in demonstrations, sweeps and reports; `codec` as in `expert`."""
+    return {"expert": expert, "replanning": replanning}[expert_under(env.perturbations.magnitudes)](codec)
 
 
 def replanning(codec: KeyposeCodec | None = None) -> Player:
-    """The task's script, started again from the present scene each time that something other than a hand has moved a thing.
-
-    Args:
-        codec: round every keypose to its voxels and bins.
-    """
+    """As `expert`, started again from the present scene each time that something other than a hand has moved a thing."""
     script = expert(codec)
 
     def play(env: BimanualEnv) -> Iterator[Move]:
@@ -112,15 +98,15 @@ def replanning(codec: KeyposeCodec | None = None) -> Player:
             has_jumped |= bool(np.any(is_still & (np.linalg.norm(positions_m - before_m, axis=1) > JUMP_M)))
 
         with env.observed_by(watch):
-            is_at_end = False
-            while not is_at_end:
-                has_jumped, is_at_end = False, True
+            while True:
+                has_jumped = False
                 for move in script(env):
                     yield move
                     watch(env)
                     if has_jumped:
-                        is_at_end = False
                         break
+                else:
+                    return
 
     return play
 

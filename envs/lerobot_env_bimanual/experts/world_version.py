@@ -120,11 +120,7 @@ def world_versions(tasks: Iterable[str], perturb: str = "", setting: str = STAND
 
 
 def other_simulation(provenance: Provenance | None) -> str:
-    """How the simulation of a dataset differs from the installed one, in words; empty if its episodes replay here.
-
-    Args:
-        provenance: of the dataset; None if it has none.
-    """
+    """How the simulation of a dataset differs from the installed one, in words; empty if its episodes replay here."""
     if provenance is None:
         return "the dataset does not say with which versions it was generated"
     if others := provenance.other_versions():

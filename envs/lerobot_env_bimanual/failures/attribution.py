@@ -81,12 +81,7 @@ class Attribution:
 
 
 class FailureAttributor:
-    """Attributes the failed episodes of one evaluation.
-
-    Args:
-        task: name of the task.
-        options: options of the evaluation by name.
-    """
+    """Attributes the failed episodes of an evaluation with these options."""
 
     def __init__(self, task: str, options: Mapping[str, str | int]):
         self._env = replay_env(task, options)
@@ -210,10 +205,9 @@ def attribute_failures(
     """
     attribute = functools.partial(_attribute, record.task, tuple(record.options.items()))
     label = f"{record.task}: failure attribution"
-    found = pool.map(
-        attribute, episodes, label, "episode", name=lambda each: f"{record.task}, seed {each.seed}"
-    )
-    return [*found]
+    return [
+        *pool.map(attribute, episodes, label, "episode", name=lambda each: f"{record.task}, seed {each.seed}")
+    ]
 
 
 @functools.lru_cache(maxsize=1)

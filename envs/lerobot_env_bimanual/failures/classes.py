@@ -34,13 +34,7 @@ class FailureClass(StrEnum):
 
 
 def classify(task: str, events: EpisodeEvents, expert: EpisodeEvents) -> tuple[FailureClass, str]:
-    """The class of a failed episode, and the event that decided.
-
-    Args:
-        task: name of the task.
-        events: events of the episode.
-        expert: events of the expert's episode of the same seed and variation.
-    """
+    """The class of a failed episode, and the event that decided, given the events of the expert in the same scene."""
     return next(_classes(task, events, expert))
 
 

@@ -144,14 +144,7 @@ class EpisodeMonitor:
 
 @dataclass
 class _Carried:
-    """A body that a hand has held.
-
-    Attributes:
-        hands: hands that held it last.
-        height_m: height of the body then.
-        ticks: number of ticks for which it was held.
-        ticks_since: number of ticks since then.
-    """
+    """A body that was held: the hands that held it last, its height then, for how many ticks, and how many ago."""
 
     hands: set[Arm] = field(default_factory=set)
     height_m: float = 0.0
@@ -189,12 +182,7 @@ class _Bodies:
 
 
 def other_conditions(task: Task, variation: Variation) -> Iterator[Condition]:
-    """Conditions of other variations, and this one's conditions with another prop of the same kind.
-
-    Args:
-        task: the task whose conditions are taken.
-        variation: the variation that is played; its own conditions are left out.
-    """
+    """Conditions of other variations than this one, and its own with another prop of the same kind."""
     own = set(task.conditions(variation))
     kinds = {prop.name: type(prop) for prop in task.spec.props}
     others = {condition: None for row in task.spec.variations for condition in task.conditions(row)}

@@ -59,13 +59,7 @@ type Rollout = tuple[Recording, EpisodeOutcome]
 
 
 def rollout(env: BimanualEnv, seed: int, player: Player) -> Rollout:
-    """Play an episode, and keep every state of it.
-
-    Args:
-        env: environment whose control mode takes the player's actions.
-        seed: seed of the reset.
-        player: expert or policy.
-    """
+    """Play an episode as `run_episode` does, and keep every state of it."""
     recording = Recording()
     with env.observed_by(lambda env, _: recording.note(env)):
         outcome = run_episode(env, seed, player)
