@@ -157,10 +157,9 @@ def _project(
 def _nearest_solutions(
     kinematics: ArmKinematics, joints: Array, targets: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Newton's method with least joint steps, from postures (n, 7) to poses (n, 4, 4) in the arm's base frame.
+    """Newton's method with least joint steps from postures (n, 7) to poses (n, 4, 4) in the arm's base frame.
 
-    Returns:
-        Joints (n, 7), and (n,) whether they are a solution.
+    Returns joints (n, 7), and (n,) whether they are a solution.
     """
     joints = joints.copy()
     damping = NEWTON_DAMPING * np.eye(6)

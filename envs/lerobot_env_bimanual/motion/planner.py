@@ -80,9 +80,6 @@ class KeyposePlanner:
 
     A plan is a function of the scene's state, the keypose and the generator's state. Planning changes
     nothing in the scene.
-
-    Args:
-        scene: the world in which the plans will be executed.
     """
 
     def __init__(self, scene: Scene):

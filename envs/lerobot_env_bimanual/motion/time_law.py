@@ -104,11 +104,7 @@ def tick_fractions(paths: Sequence[JointPath], paces: Sequence[Pace]) -> Array:
     """Path parameters (ticks,) at the end of each control tick of a motion; the last one is 1.
 
     The arms stay in step: both are at the same path parameter at any time, so what was checked for their paths
-    together holds for their motion. No ticks at all if both stand still.
-
-    Args:
-        paths: of the left and the right arm.
-        paces: of the left and the right arm.
+    together holds for their motion. No ticks at all if both stand still. Paths and paces are left before right.
     """
     if all(path.is_still for path in paths):
         return np.empty(0)
@@ -161,13 +157,9 @@ def _fastest_speeds(paths: Sequence[JointPath], paces: Sequence[Pace]) -> Array:
 
 
 class _SmoothLaw:
-    """The path parameter over time, averaged over the last `SMOOTHING_S`.
+    """The path parameter over time, averaged over the last `SMOOTHING_S`; from rest to rest it takes `duration_s`.
 
-    Args:
-        speeds: (n,) of the path parameter at equal steps of it, 1/s; between them the acceleration is constant.
-
-    Attributes:
-        duration_s: from rest to rest.
+    It is made from the speeds (n,) of the parameter at equal steps of it, 1/s, between which the acceleration is constant.
     """
 
     def __init__(self, speeds: Array):

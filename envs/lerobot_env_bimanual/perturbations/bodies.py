@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,7 +103,7 @@ register(Axis(**data("stiffness"), applies_to=_has_joints, begin=_stiffen))
 def _enlarge(model: mujoco.MjSpec, magnitude: float) -> None:
     """Scale shapes, places and inertias of the bodies that move freely."""
     meshes: set[str] = set()
-    for body in _all_below(_free_roots_of_spec(model)):
+    for body in (each for root in _free_roots_of_spec(model) for each in (root, *root.find_all("body"))):
         body.inertia = np.multiply(body.inertia, magnitude**2)
         body.ipos = np.multiply(body.ipos, magnitude)
         for joint in body.joints:
@@ -130,12 +129,6 @@ def _lift_enlarged(start: Start) -> None:
         name = scene.model.body(root).name
         pose = scene.pose(name)
         scene.place(name, pose.translated((0, 0, (start.magnitude - 1) * _height_above_support(scene, pose))))
-
-
-def _all_below(bodies: list[mujoco.MjsBody]) -> Iterator[mujoco.MjsBody]:
-    for body in bodies:
-        yield body
-        yield from _all_below(body.bodies)
 
 
 def _height_above_support(scene: Scene, pose: Pose) -> float:

@@ -39,13 +39,7 @@ ALWAYS_SEEN, *MAY_FAIL = CAMERA_NAMES
 
 
 def _move_cameras(start: Start, appearance: Appearance, *, calibrated: bool) -> Appearance:
-    """Turn each camera about a drawn axis by the magnitude in degrees, and shift it by as many centimetres.
-
-    Args:
-        start: of the episode.
-        appearance: that of the axes before.
-        calibrated: whether the calibration is changed in the same way.
-    """
+    """Turn each camera about a drawn axis by the magnitude in degrees, and shift it by as many centimetres."""
     model = start.scene.model
     directions = start.rng.normal(size=(2, model.ncam, 3))
     axes, shifts_m = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
@@ -61,14 +55,7 @@ def _move_cameras(start: Start, appearance: Appearance, *, calibrated: bool) -> 
 
 
 def _normal(shape: tuple[int, ...], sigma: float, rng: np.random.Generator, dtype: DTypeLike) -> NDArray:
-    """Normally distributed numbers, cut from one long table: drawing them anew would cost as much as an image.
-
-    Args:
-        shape: of the result, which must not be written to.
-        sigma: their standard deviation.
-        rng: draws where in the table they begin.
-        dtype: floats, or integers to which they are rounded.
-    """
+    """Normally distributed numbers, read only: cut from a table, as drawing them anew would cost as much as an image."""
     count, begin = math.prod(shape), int(rng.integers(NOISE_OFFSETS))
     return _noise_table(count, sigma, np.dtype(dtype))[begin : begin + count].reshape(shape)
 
@@ -110,12 +97,8 @@ def _note_slopes(start: Start[dict[str, float]]) -> None:
     """Note the largest measured change of depth from one pixel to the next, per m of depth and image height."""
     model = start.scene.model
     steepest = math.tan(math.radians(MAX_SLANT_DEG - LOST_SLANT_DEG * start.magnitude))
-    start.remember(
-        {
-            camera: steepest * 2 * math.tan(math.radians(model.camera(camera).fovy.item() / 2))
-            for camera in CAMERA_NAMES
-        }
-    )
+    half_fovys = {name: math.radians(model.camera(name).fovy.item() / 2) for name in CAMERA_NAMES}
+    start.remember({name: steepest * 2 * math.tan(half) for name, half in half_fovys.items()})
 
 
 def _lose_depth(moment: Moment[dict[str, float]], camera: str, image: Image) -> Image:

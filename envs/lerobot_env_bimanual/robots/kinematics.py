@@ -82,13 +82,9 @@ class ArmKinematics:
         return solutions[self.within_limits(solutions)]
 
     def poses_and_jacobians(self, joints: Array) -> tuple[Array, Array]:
-        """Poses and Jacobians of the tool centre point in the frame of the arm's base.
+        """Poses (n, 4, 4) of the tool centre point for joints (n, 7) in rad, and Jacobians (n, 6, 7), in the arm's base frame.
 
-        Args:
-            joints: (n, 7) rad.
-
-        Returns:
-            Poses (n, 4, 4) and the Jacobian (n, 6, 7): linear over angular velocity per joint velocity.
+        A Jacobian has the linear over the angular velocity per joint velocity.
         """
         sine, cosine = (function(joints.T)[..., None, None] for function in (np.sin, np.cos))
         # (7, n, 4, 4), each in the last joint's

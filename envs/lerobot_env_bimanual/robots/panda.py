@@ -72,12 +72,9 @@ WRIST_CAMERA_FOVY_DEG = 75.0
 
 
 def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
-    """Write one arm with hand, wrist camera and actuators into a model under construction.
+    """Write an arm into a model under construction, with hand, wrist camera and actuators: joints 1 to 7, then the gripper.
 
-    Args:
-        spec: the model; gains its actuators in the order joint 1..7, gripper.
-        prefix: first part of every name, e.g. "left".
-        base: world pose of the mounting face.
+    Every name begins with the prefix, e.g. "left"; `base` is the world pose of the mounting face.
     """
     body = spec.worldbody.add_body(name=f"{prefix}_base", pos=base.position, quat=base.quat_wxyz)
     add_box(body, (-0.05, 0, 0.03), (0.09, 0.07, 0.03), **UNSEEN)

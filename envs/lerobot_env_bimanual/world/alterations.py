@@ -26,11 +26,7 @@ FIELDS = (
 
 
 class Alterations:
-    """Changed values of a model's fields, and the compiled ones to go back to.
-
-    Args:
-        model: of the scene.
-    """
+    """Changed values of a model's fields, and the compiled ones to go back to."""
 
     def __init__(self, model: mujoco.MjModel):
         self._model = model
@@ -48,9 +44,8 @@ class Alterations:
         """
         if others := fields.keys() - set(FIELDS):
             raise ValueError(f"{', '.join(sorted(others))} cannot be altered, only {', '.join(FIELDS)}")
-        if fields and not self._compiled:
-            self._compiled = {field: getattr(self._model, field).copy() for field in FIELDS}
         if fields:
+            self._compiled = self._compiled or {field: getattr(self._model, field).copy() for field in FIELDS}
             self._set(fields)
 
     def revert(self) -> None:

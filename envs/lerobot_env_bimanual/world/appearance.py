@@ -54,13 +54,7 @@ NOMINAL = Appearance()
 
 @contextmanager
 def applied(model: mujoco.MjModel, data: mujoco.MjData, fields: Mapping[str, NDArray]) -> Iterator[None]:
-    """Give a model other values while the `with` block runs.
-
-    Args:
-        model: of the scene.
-        data: its state, in which cameras and lights are moved along.
-        fields: name of a field -> all its values.
-    """
+    """Give a model other values of some fields while the `with` block runs; in `data` cameras and lights move along."""
     if not fields:
         yield
         return

@@ -36,11 +36,6 @@ class Composition:
     the arms), drawn again when some of it is put elsewhere or painted, and the props that sleep, until one of them is
     moved. For a camera on a hand, what is out of view is left out, and floor and walls come last, where only what nothing
     hides is shaded.
-
-    Args:
-        model: of the scene.
-        data: its state, read by every `begin`.
-        offscreen: where it is drawn.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, offscreen: Offscreen):
@@ -60,12 +55,8 @@ class Composition:
         self._rooms: dict[int, Backdrop] = {}
         self._backdrops: dict[int, Backdrop | None] = {}
 
-    def begin(self, appearance: bytes = b"") -> None:
-        """Take over where everything is; images of several cameras may follow.
-
-        Args:
-            appearance: fingerprint of the model's appearance, except for what `_looks` covers.
-        """
+    def begin(self, appearance: bytes) -> None:
+        """Take over where everything is, and the fingerprint of its appearance; images of several cameras may follow."""
         self._offscreen.make_current()
         looks_of_room = appearance + self._looks(self._room)
         has_new_room = looks_of_room != self._looks_of_room
@@ -87,14 +78,14 @@ class Composition:
         """RGB and metric depth from one camera."""
         if self._is_simple and self._model.cam_bodyid[camera] == 0:
             backdrop = self._backdrop(camera)
-            both = backdrop and backdrop.behind(self._draw(self._moving, camera))
+            both = backdrop and backdrop.behind(self._offscreen.draw(self._moving, self._data, camera))
             if both is not None:
                 return self._offscreen.rgb(both.rgb), both.depth_m
         if self._is_simple:
             self._list_view(camera)
         else:
             self._list(self._others, np.ones_like(self._room), self._options)
-        pixels = self._draw(self._others, camera)
+        pixels = self._offscreen.draw(self._others, self._data, camera)
         nearness = self._offscreen.centres(pixels.nearness)
         return self._offscreen.rgb(pixels.rgb), self._offscreen.depth_m(nearness)
 
@@ -111,10 +102,7 @@ class Composition:
 
     def _draw_geoms(self, geoms: Geoms, camera: int) -> Pixels:
         self._list(self._others, geoms, self._no_sites)
-        return self._draw(self._others, camera)
-
-    def _draw(self, scene: mujoco.MjvScene, camera: int) -> Pixels:
-        return self._offscreen.draw(scene, self._data, camera)
+        return self._offscreen.draw(self._others, self._data, camera)
 
     def _list(self, scene: mujoco.MjvScene, geoms: Geoms, options: mujoco.MjvOption) -> None:
         """Fill a scene with geoms, as far as they are for the eye, and with the sites that the options show."""
@@ -147,11 +135,11 @@ class Composition:
         return b"".join(field[geoms].tobytes() for field in fields)
 
     def _each_pixel_shows_one_geom(self) -> bool:
-        """Whether nothing lets through, mirrors or shades what is behind or before it."""
-        model = self._model
+        """Whether nothing lets through, mirrors or shades what is behind or before it, nor blends at edges."""
+        model, quality = self._model, self._offscreen.quality
         alpha = np.concatenate([model.geom_rgba[:, 3], model.mat_rgba[:, 3]])
         is_opaque = ((alpha == 0) | (alpha == 1)).all() and not model.mat_reflectance.any()
-        return bool(is_opaque and self._offscreen.quality.is_plain)
+        return bool(is_opaque and quality.samples == 0 and quality.shadow_map_size == 0)
 
     def _sees_through_a_wall(self, camera: int) -> bool:
         """Whether a camera is behind a plane, which MuJoCo draws translucent from there."""
@@ -162,13 +150,9 @@ class Composition:
 class Backdrop:
     """An image that others can be laid over.
 
-    Args:
-        pixels: the image.
-        offscreen: where it was drawn.
-
     Attributes:
-        rgb: (rows, columns, 3) uint8, as in `Pixels`.
-        nearness: (rows, columns) float32, as in `Pixels`.
+        rgb: as in `Pixels`.
+        nearness: as in `Pixels`.
         depth_m: (height, width) float32, metres along the optical axis.
     """
 
@@ -178,16 +162,10 @@ class Backdrop:
         self._offscreen = offscreen
 
     def behind(self, front: Pixels) -> Backdrop | None:
-        """A fresh image of what both show, bit for bit the one that is drawn at once.
+        """A fresh image of this and of other geoms in `front` of it, bit for bit the one that is drawn at once.
 
-        Of all that falls on a pixel the depth test keeps the nearest, whatever is drawn first.
-
-        Args:
-            front: of other geoms, from the same camera.
-
-        Returns:
-            The image; None where a geom of one is exactly as near as one of the other, for then it counts which is drawn
-            first.
+        Of all that falls on a pixel the depth test keeps the nearest, whatever is drawn first. None where a geom of one is
+        exactly as near as one of the other, for then it counts which is drawn first.
         """
         is_front = front.nearness > self.nearness
         if np.any((front.nearness == self.nearness) & (front.nearness > 0)):
@@ -206,18 +184,8 @@ def _whole_pixels(rgb: NDArray[np.uint8]) -> NDArray[np.void]:
     return rgb.view("V3")[..., 0]
 
 
-def in_view(
-    model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: float, margin: float = 1.0
-) -> NDArray[np.bool_]:
-    """(ngeom,) whether a geom may reach into the image: its bounding sphere does, or it has none.
-
-    Args:
-        model: of the scene.
-        data: its state.
-        camera: its number.
-        aspect: width of the image over its height.
-        margin: factor by which more than the image counts.
-    """
+def in_view(model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: float, margin: float) -> Geoms:
+    """Those that may reach into a camera's image, enlarged by a margin: their bounding sphere does, or they have none."""
     half_height = margin * math.tan(math.radians(model.cam_fovy[camera]) / 2)
     half_width = aspect * half_height
     # Of the image's sides, in MuJoCo's camera frame.
@@ -229,14 +197,8 @@ def in_view(
     return (radius_m == 0) | (beyond_m < radius_m + MARGIN_M)
 
 
-def reach_planes(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(ngeom,) whether the bounding box of a geom touches or crosses one of the planes, or is behind it.
-
-    Args:
-        model: of the scene.
-        data: its state.
-        planes: (ngeom,) which geoms they are; here they have no end.
-    """
+def reach_planes(model: mujoco.MjModel, data: mujoco.MjData, planes: Geoms) -> Geoms:
+    """Those whose bounding box touches or crosses one of the planes, which have no end here, or is behind it."""
     frames = data.geom_xmat.reshape(-1, 3, 3)
     middles = data.geom_xpos + (frames @ model.geom_aabb[:, :3, None])[..., 0]
     normals = data.geom_xmat[planes, 2::3]

@@ -42,11 +42,7 @@ class _Contacts(NamedTuple):
 
 
 class ContactForces:
-    """The contacts of a scene, noted step by step and looked at now and then; it only reads.
-
-    Args:
-        scene: the scene.
-    """
+    """The contacts of a scene, noted step by step and looked at now and then; it only reads."""
 
     def __init__(self, scene: SceneView):
         self._scene = scene

@@ -5,7 +5,7 @@ import contextlib
 import threading
 import weakref
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +18,6 @@ MAX_GEOMS = 2000
 GL_TEXTURE_2D, GL_TEXTURE_CUBE_MAP = 0x0DE1, 0x8513
 GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST = 0x2801, 0x2700
 GL_TEXTURE_MAG_FILTER, GL_NEAREST = 0x2800, 0x2600
-
-COARSE_SHADOWS = 512
-"""Pixels of a shadow map's side: about 4 mm on the table."""
 
 SOFT_PX = 160
 """Side of the largest images that are drawn twice as large: of larger ones edges are finer, and it would cost too much."""
@@ -47,15 +44,6 @@ class Quality:
     slices: int
     quads: int
     is_soft: bool = False
-
-    def with_shadows(self) -> "Quality":
-        """This quality with shadows, as coarse as will do where it has none."""
-        return replace(self, shadow_map_size=self.shadow_map_size or COARSE_SHADOWS)
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether each pixel is the colour of one geom, on which nothing else has an influence."""
-        return self.samples == 0 and self.shadow_map_size == 0
 
 
 class Pixels(NamedTuple):
@@ -133,10 +121,8 @@ class Offscreen:
         self._camera.fixedcamid = camera_id
         mujoco.mjv_updateCamera(self._model, data, self._camera, scene)
         for eye in scene.camera:
-            eye.frustum_top, eye.frustum_bottom = (
-                self.margin * eye.frustum_top,
-                self.margin * eye.frustum_bottom,
-            )
+            eye.frustum_top *= self.margin
+            eye.frustum_bottom *= self.margin
         mujoco.mjr_render(self._rect, scene, self._mjr)
         mujoco.mjr_readPixels(rgb, nearness, self._rect, self._mjr)
         return Pixels(rgb, nearness)

@@ -2,6 +2,7 @@
 
 import atexit
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ QUALITIES = {
     "observation": Quality(samples=0, shadow_map_size=0, slices=20, quads=2, is_soft=True),
     "high": Quality(samples=4, shadow_map_size=4096, slices=48, quads=8),
 }
+COARSE_SHADOWS = 512
+"""Pixels of a shadow map's side where shadows are asked for alone: about 4 mm on the table."""
 
 
 class Renderer:
@@ -64,7 +67,9 @@ class Renderer:
             MissingGL: no OpenGL context can be made on this machine.
         """
         model, data, appearance = self._scene.model, self._scene.data, self._scene.appearance
-        quality = self._quality.with_shadows() if appearance.casts_shadows else self._quality
+        quality = self._quality
+        if appearance.casts_shadows and not quality.shadow_map_size:
+            quality = replace(quality, shadow_map_size=COARSE_SHADOWS)
         if self._offscreen is not None and self._offscreen.quality != quality:
             self.close()
         try:

@@ -156,11 +156,7 @@ class Scene(SceneView):
         self.model.geom(geom).rgba = rgba
 
     def place_like(self, other: "Scene") -> None:
-        """Place and colour things as they are in another scene, right after `reset`.
-
-        Args:
-            other: a scene of the same props, from which this one may differ in shapes, and by what comes after them.
-        """
+        """Place and colour things as in another scene, whose props come first here, right after `reset`; shapes may differ."""
         self.data.qpos[: other.model.nq] = other.data.qpos
         self.data.userdata[: other.model.nuserdata] = other.data.userdata
         for field, pristine in zip(RESETTABLE_FIELDS, other._pristine, strict=True):
@@ -170,11 +166,7 @@ class Scene(SceneView):
         self._refresh()
 
     def pose_arms(self, joints: ArrayLike) -> None:
-        """Have the arms start elsewhere than at home; only between `reset` and `settle`.
-
-        Args:
-            joints: (2, 7) rad, left before right.
-        """
+        """Have the arms start at other joints (2, 7), rad, than at home; only between `reset` and `settle`."""
         arms = by_arm(commanded := self._home_action.copy())
         arms[:, :-1] = joints
         for arm in ARMS:
@@ -183,10 +175,7 @@ class Scene(SceneView):
         self._refresh()
 
     def alter(self, **fields: NDArray) -> None:
-        """Make bodies, joints or motors different until the next reset.
-
-        Args:
-            fields: new values of some of `lerobot_env_bimanual.world.alterations.FIELDS`, each in the shape of the model's.
+        """Make bodies, joints or motors different until the next reset, by values for some `FIELDS` of `world.alterations`.
 
         Raises:
             ValueError: a field that cannot be altered.

@@ -27,16 +27,13 @@ class SceneView:
     sets by kinematics.
 
     Args:
-        model: compiled MuJoCo model.
+        model: compiled MuJoCo model; an attribute, like `props` and `setting`.
         commanded: (16,) the joint action that the arms hold.
         props: the things besides robots and room.
         setting: of the episode.
 
     Attributes:
-        model: as given.
-        props: as given.
-        setting: as given.
-        data: its state; read it freely, change it only through the methods of a subclass.
+        data: the model's state; read it freely, change it only through the methods of a subclass.
         arm_pair: the robots.
         arm_of_body: (nbody,) number of the arm that each body belongs to; -1 for the room and props.
         appearance: how it looks where that differs from the model, and where its cameras are.

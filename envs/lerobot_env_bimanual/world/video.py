@@ -47,14 +47,10 @@ class VideoWriter:
     def __init__(self, folder: Path, stem: str, caption: str = ""):
         self._caption = caption
         self._last: NDArray[np.uint8] | None = None
-        self._folder = folder
-        self._stem = stem
+        self._folder, self._stem = folder, stem
+        self._partial = folder / f".{stem}.part"
         self._container: Any = None
         self._stream: Any = None
-
-    @property
-    def _partial(self) -> Path:
-        return self._folder / f".{self._stem}.part"
 
     def add(self, rgb: NDArray[np.uint8]) -> None:
         """Append a frame, uint8 (H, W, 3); even sides, as chroma is stored at half resolution.
