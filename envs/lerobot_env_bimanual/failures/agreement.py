@@ -38,12 +38,7 @@ def first_choices(record: EvaluationRecord, pool: WorkerPool) -> list[dict[str, 
 
 
 def plans_of_arms(env: BimanualEnv, actions: Sequence[NDArray[np.float32]]) -> list[int | None]:
-    """Number of the plan that the left and the right arm follow at first; None of an arm that does not come to choose.
-
-    Args:
-        env: right after the reset.
-        actions: keyposes (18,) from the start on.
-    """
+    """Number of the plan that left and right arm follow at first, by keyposes (18,); None of an arm that comes to no choice."""
     plans = [keyposes_by(env, plan) for plan in range(len(env.task_definition.spec.plans))]
     followed: list[int | None] = [None, None]
     for action, *keyposes in zip(actions, *plans, strict=False):

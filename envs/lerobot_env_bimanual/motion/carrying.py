@@ -22,30 +22,16 @@ class Carried:
         address = model.jnt_qposadr[model.body_jntadr[self.body]]
         self._position = slice(address, address + 3)
         self._quaternion = slice(address + 3, address + 7)
-        # hand_T_prop = inverse(world_T_hand) @ world_T_prop
-        inverse_position, inverse_quaternion = np.empty(3), np.empty(4)
-        self._offset, self._turn = np.empty(3), np.empty(4)
-        mujoco.mju_negPose(
-            inverse_position, inverse_quaternion, data.xpos[self._hand], data.xquat[self._hand]
-        )
-        mujoco.mju_mulPose(
-            self._offset,
-            self._turn,
-            inverse_position,
-            inverse_quaternion,
-            data.xpos[self.body],
-            data.xquat[self.body],
-        )
+        # hand_T_prop = inverse(world_T_hand) @ world_T_prop, each a position and a quaternion.
+        to_hand, self._in_hand = ((np.empty(3), np.empty(4)) for _ in range(2))
+        mujoco.mju_negPose(*to_hand, data.xpos[self._hand], data.xquat[self._hand])
+        mujoco.mju_mulPose(*self._in_hand, *to_hand, data.xpos[self.body], data.xquat[self.body])
 
     def follow(self, data: mujoco.MjData) -> None:
         """Put the prop where the hand of `data` carries it; the caller then recomputes the kinematics."""
+        position, quaternion = data.qpos[self._position], data.qpos[self._quaternion]  # views
         mujoco.mju_mulPose(
-            data.qpos[self._position],
-            data.qpos[self._quaternion],
-            data.xpos[self._hand],
-            data.xquat[self._hand],
-            self._offset,
-            self._turn,
+            position, quaternion, data.xpos[self._hand], data.xquat[self._hand], *self._in_hand
         )
 
 

@@ -110,12 +110,16 @@ def add_camera(
         fovy_deg: vertical field of view.
         up: (3,) direction that points up in the image, as far as it is across the view.
     """
-    backward = np.subtract(position, target)  # MuJoCo cameras look along -z
-    backward = backward / np.linalg.norm(backward)
+    quat = matrix_to_quat_wxyz(camera_axes(np.subtract(position, target), up))
+    body.add_camera(name=name, pos=position, quat=quat, fovy=fovy_deg)
+
+
+def camera_axes(backward: Vector, up: Vector) -> NDArray[np.float64]:
+    """Axes (3, 3) of a camera, in MuJoCo's order, that looks away from a direction (3,); `up` as in `add_camera`."""
+    backward = np.divide(backward, np.linalg.norm(backward))  # MuJoCo cameras look along -z
     right = np.cross(up, backward)
     right = right / np.linalg.norm(right)
-    quat = matrix_to_quat_wxyz(np.column_stack([right, np.cross(backward, right), backward]))
-    body.add_camera(name=name, pos=position, quat=quat, fovy=fovy_deg)
+    return np.column_stack([right, np.cross(backward, right), backward])
 
 
 def add_capsule(body: mujoco.MjsBody, ends: Vector, radius: float, **settings: Any) -> mujoco.MjsGeom:

@@ -17,6 +17,7 @@ from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
+from lerobot_env_bimanual.props.prop import camera_axes
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene, SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
@@ -83,6 +84,7 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
         BimanualError: it cannot be written, or not be rendered.
     """
     view, (_, outcome) = {}, next(iter(rollouts.values()))
+    name = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
     recordings = [recording.states for recording, _ in rollouts.values()]
     # A perturbed camera shows what it sees.
     if camera in ROOM_CAMERA_NAMES and "cam_quat" not in env.scene.appearance.fields:
@@ -101,7 +103,6 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
             is_last, verdict = tick == len(recording.states) - 1, "success" if episode.success else "failure"
             return captioned(rgb, caption, verdict if is_last else "")
 
-        name = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
         writer = VideoWriter(stem.parent, stem.name)
         for tick in range(max(map(len, recordings))):
             writer.add(
@@ -141,17 +142,9 @@ def frame_of(
         right, up, back = ((points_m - eye) @ axes).T
         room = ROOM_M / -back
         sides = [(np.min(way / -back - room), np.max(way / -back + room)) for way in (right, up)]
-        axes = _towards(axes @ np.array([*np.mean(sides, axis=1), -1.0]))
+        axes = camera_axes(-(axes @ np.array([*np.mean(sides, axis=1), -1.0])), up=(0, 0, 1))
     wide, high = np.ptp(sides, axis=1) / 2
     fovy, quat_wxyz = model.cam_fovy.copy(), model.cam_quat.copy()
     fovy[index] = 2 * math.degrees(math.atan(min(half, max(high, wide * size[0] / size[1]))))
     quat_wxyz[index] = matrix_to_quat_wxyz(axes)
     return {"cam_fovy": fovy, "cam_quat": quat_wxyz}
-
-
-def _towards(ahead: NDArray) -> NDArray:
-    """(3, 3) axes of a camera, in MuJoCo's order, that looks in a direction with its right side level."""
-    back = -ahead / np.linalg.norm(ahead)
-    right = np.cross((0, 0, 1), back)
-    right /= np.linalg.norm(right)
-    return np.column_stack([right, np.cross(back, right), back])
