@@ -32,7 +32,9 @@ class Perturbations:
         split: of their seeds.
 
     Attributes:
+        magnitudes: of each chosen axis, by its name.
         changes_model: whether the world is compiled differently.
+        late_ticks: ticks for which the end of a motion is waited for.
 
     Raises:
         BimanualError: an axis does not exist, or cannot be loaded.
@@ -42,17 +44,9 @@ class Perturbations:
         self._task, self._split = task, split
         axes: dict[Axis[Any], int] = {AXES.get(name): level for name, level in chosen_levels(perturb).items()}
         self._magnitudes = {axis: axis.levels[level - 1] for axis, level in axes.items()}
+        self.magnitudes = {axis.name: magnitude for axis, magnitude in self._magnitudes.items()}
         self.changes_model = any(axis.build for axis in self._magnitudes)
-
-    @property
-    def magnitudes(self) -> dict[str, float]:
-        """Magnitude of each chosen axis."""
-        return {axis.name: magnitude for axis, magnitude in self._magnitudes.items()}
-
-    @property
-    def late_ticks(self) -> int:
-        """Ticks for which the end of a motion is waited for."""
-        return max((axis.late_ticks(magnitude) for axis, magnitude in self._magnitudes.items()), default=0)
+        self.late_ticks = max((axis.late_ticks(each) for axis, each in self._magnitudes.items()), default=0)
 
     def build(self, model: mujoco.MjSpec) -> None:
         """Change a world before it is compiled.

@@ -103,13 +103,8 @@ def add_material(
         shine: specular share, 0..1.
     """
     height, width, _ = image.shape
-    texture = spec.add_texture(
-        name=name,
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        width=width,
-        height=height,
-        nchannel=3,
-    )
+    kind = mujoco.mjtTexture.mjTEXTURE_2D
+    texture = spec.add_texture(name=name, type=kind, width=width, height=height, nchannel=3)
     texture.data = image[::-1].tobytes()  # MuJoCo counts rows from below
     material = spec.add_material(name=name, texrepeat=repeat, specular=shine, shininess=0.3, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
