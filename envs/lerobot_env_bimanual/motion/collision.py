@@ -18,6 +18,8 @@ from lerobot_env_bimanual.world.scene import RESETTABLE_FIELDS
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 Array = NDArray[np.floating]
+type Bodies = NDArray[np.bool_]
+"""(nbody,) some of a model's bodies."""
 
 CLEARANCE_M = 0.015
 """Distance that an arm in free motion keeps from everything but itself."""
@@ -54,15 +56,17 @@ class CollisionChecker:
         self._model = copy.copy(scene.model)
         self._data = mujoco.MjData(self._model)
         self._owner = scene.arm_of_body
+        is_arm = self._owner >= 0
         # Both, as MuJoCo discards pairs of bodies before it looks at their geoms.
-        self._model.body_margin[self._owner >= 0] = CLEARANCE_M
-        self._model.geom_margin[self._owner[self._model.geom_bodyid] >= 0] = CLEARANCE_M
+        self._model.body_margin[is_arm] = CLEARANCE_M
+        self._model.geom_margin[is_arm[self._model.geom_bodyid]] = CLEARANCE_M
         self._joints = [
             np.array([self._model.joint(name).qposadr[0] for name in scene.arm_pair.joint_names(arm)])
             for arm in ARMS
         ]
         self.contact_rules = self._make_contact_rules()
-        self.standing_rules = self._make_standing_rules()
+        is_prop = ~is_arm & (np.arange(self._model.nbody) > 0)
+        self.standing_rules = CollisionRules(self._least((is_arm, is_prop, CLEARANCE_M)))
 
     def look(self) -> None:
         """Take over where everything in the scene is now."""
@@ -91,13 +95,11 @@ class CollisionChecker:
             hand = self._scene.arm_pair.hand_body(arm)
             props.append(Carried(self._model, self._data, hand, prop))
             owner[self._model.body_rootid == props[-1].body] = arm.ordinal
-        is_arm = self._owner >= 0
-        least = self._no_rules()
+        is_arm, demands = self._owner >= 0, []
         for arm in checked:
             mine = owner == arm.ordinal
-            _require(least, mine & is_arm, ~mine, CLEARANCE_M)
-            _require(least, mine & ~is_arm, ~mine, 0.0)
-            _require(least, mine, mine, 0.0)
+            demands += [(mine & is_arm, ~mine, CLEARANCE_M), (mine & ~is_arm, ~mine, 0.0), (mine, mine, 0.0)]
+        least = self._least(*demands)
         rules = CollisionRules(least, tuple(props))
         mujoco.mj_collision(self._model, self._data)
         _allow(least, self._offending(rules))
@@ -120,29 +122,26 @@ class CollisionChecker:
 
     def _make_contact_rules(self) -> CollisionRules:
         pair, every = self._scene.arm_pair, np.arange(self._model.nbody)
-        is_finger, upper = (
+        is_finger, is_upper = (
             np.isin(every, [self._model.body(name).id for arm in ARMS for name in names(arm)])
             for names in (pair.finger_names, pair.upper_links)
         )
         left, right = (self._owner == arm.ordinal for arm in ARMS)
-        world = every == 0
-        least = self._no_rules()
-        _require(least, left, left, 0.0)
-        _require(least, right, right, 0.0)
-        _require(least, left & ~is_finger, right & ~is_finger, 0.0)
-        _require(least, left | right, world, 0.0)
-        _require(least, upper, ~(left | right), 0.0)
-        return CollisionRules(least)
+        touchless = [
+            (left, left),
+            (right, right),
+            (left & ~is_finger, right & ~is_finger),
+            (left | right, every == 0),
+            (is_upper, ~(left | right)),
+        ]
+        return CollisionRules(self._least(*((*masks, 0.0) for masks in touchless)))
 
-    def _make_standing_rules(self) -> CollisionRules:
-        is_arm = self._owner >= 0
-        is_prop = ~is_arm & (np.arange(self._model.nbody) > 0)
-        least = self._no_rules()
-        _require(least, is_arm, is_prop, CLEARANCE_M)
-        return CollisionRules(least)
-
-    def _no_rules(self) -> Array:
-        return np.full((self._model.nbody, self._model.nbody), NEVER)
+    def _least(self, *demands: tuple[Bodies, Bodies, float]) -> Array:
+        """Distances (nbody, nbody) that bodies of two masks keep from each other; the largest of several demands holds."""
+        least = np.full((self._model.nbody, self._model.nbody), NEVER)
+        for a, b, distance_m in demands:
+            np.maximum(least, np.where(np.outer(a, b) | np.outer(b, a), distance_m, NEVER), out=least)
+        return least
 
     def _move(self, rules: CollisionRules, left: Array, right: Array) -> None:
         model, data = self._model, self._data
@@ -160,12 +159,6 @@ class CollisionChecker:
         contact = self._data.contact
         bodies = self._model.geom_bodyid[contact.geom.reshape(-1, 2)]
         return bodies[contact.dist < rules.least_distance_m[bodies[:, 0], bodies[:, 1]]]
-
-
-def _require(least: Array, a: NDArray[np.bool_], b: NDArray[np.bool_], distance_m: float) -> None:
-    """Bodies of mask `a` keep a distance from bodies of mask `b`; the larger of two demands holds."""
-    demanded = np.where(np.outer(a, b) | np.outer(b, a), distance_m, NEVER)
-    np.maximum(least, demanded, out=least)
 
 
 def _allow(least: Array, pairs: NDArray[np.int32]) -> None:
