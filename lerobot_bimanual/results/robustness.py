@@ -3,15 +3,15 @@
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, NonNegativeInt, PositiveInt
+from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.results.episode import EpisodeCount, Episodes, Sha256, success_rate
 from lerobot_bimanual.results.evaluation import WorldVersion
-from lerobot_bimanual.results.record import Name, Record, Text
+from lerobot_bimanual.results.record import Name, Record, Text, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
 MIN_EXPERT_RATE = 0.97
@@ -139,6 +139,15 @@ class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
 
     checkpoint: str
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
+
+    @model_validator(mode="after")
+    def _belongs_together(self) -> Self:
+        require(self.conditions and not self.nominal.axis, "the nominal condition must come first")
+        seeds = [*range(self.config.first_seed, self.config.first_seed + self.config.episodes)]
+        for each in self.conditions:
+            same = [episode.seed for episode in each.episodes] == seeds
+            require(same, f"{each.name} must be on the {len(seeds)} seeds from {self.config.first_seed} on")
+        return self
 
     @property
     def policy(self) -> str:

@@ -5,7 +5,8 @@ from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.robustness import conditions_table, print_robustness
-from lerobot_bimanual.results.robustness import is_valid, read_expert_robustness
+from lerobot_bimanual.results.record import BadRecord
+from lerobot_bimanual.results.robustness import RobustnessResult, is_valid, read_expert_robustness
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 
 
@@ -34,6 +35,19 @@ def test_what_is_printed_of_a_result_sums_valid_conditions(capsys):
     assert "camera_moved:2 5 4 17% to 69% 10 0 6, 0 0.0312 0.0625" in printed
     assert "level 0: 10 of 10; level 1: 19 of 20; level 2: 12 of 20; level 3: 0 of 10" in printed
     assert "in no sum: mass:3" in printed
+
+
+@pytest.mark.parametrize(
+    ("conditions", "complaint"),
+    [
+        ((), "nominal condition must come first"),
+        (ROBUSTNESS.conditions[1:], "nominal condition must come first"),
+        ((*ROBUSTNESS.conditions, condition("wind", 1, "x")), "wind:1 must be on the 10 seeds from 0 on"),
+    ],
+)
+def test_conditions_that_do_not_belong_together_are_refused(conditions, complaint):
+    with pytest.raises(BadRecord, match=complaint):
+        RobustnessResult.of(**{**dict(ROBUSTNESS), "conditions": conditions})
 
 
 def test_a_folder_of_expert_reports_holds_one_per_task(tmp_path):
