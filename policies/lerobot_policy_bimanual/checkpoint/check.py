@@ -9,13 +9,12 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import draccus
 import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-from torch import Tensor
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers our policies
 from lerobot_bimanual.checkpoint_folder import CONFIG_FILE, require_checkpoint
@@ -61,36 +60,38 @@ def check_checkpoint(folder: Path) -> CheckedCheckpoint:
         NotSafeToSay: a policy, a step or an option may load something by name.
     """
     require_checkpoint(folder)
-    processors = {folder / file: _read(folder / file) for file in PROCESSOR_FILES}
-    for file, processor in processors.items():
-        check_classes(file, processor)
-    config = read_config(folder)
-    steps = {file.name: step_names(file, processor) for file, processor in processors.items()}
-    expected = None
-    if isinstance(config, KeyposePolicyConfig):
-        for (file, names), own in zip(steps.items(), make_pre_post_processors(config), strict=True):
-            if names != (known := [step["registry_name"] for step in own.get_config()["steps"]]):
-                raise CheckpointError(f"{folder / file} lists the steps {names}, but must list {known}")
-        expected = _weights_of(config)
-    return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE, expected))
+    try:
+        processors = {folder / file: read_json(folder / file) for file in PROCESSOR_FILES}
+        for file, processor in processors.items():
+            check_classes(file, processor)
+        config = _read_config(folder / CONFIG_FILE)
+        steps = {file.name: step_names(file, processor) for file, processor in processors.items()}
+        expected = None
+        if isinstance(config, KeyposePolicyConfig):
+            for (file, names), own in zip(steps.items(), make_pre_post_processors(config), strict=True):
+                if names != (known := [step["registry_name"] for step in own.get_config()["steps"]]):
+                    raise CheckpointError(f"{folder / file} lists the steps {names}, but must list {known}")
+            with torch.device("meta"):
+                expected = get_policy_class(config.type)(replace(config, compile=False)).state_dict()
+        return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE, expected))
+    except CheckpointError:
+        raise
+    except BimanualError as error:  # of a file, or of a config that no network can be made of
+        raise CheckpointError(str(error)) from error
 
 
-def read_config(folder: Path) -> PreTrainedConfig:
-    """Read the config of a folder `pretrained_model`; nothing is built from it.
-
-    Raises:
-        CheckpointError: there is no config, or a field is unknown, of another type or out of its range.
-        NotSafeToSay: its policy is not on the list, or a field may load something by name.
-    """
-    require_checkpoint(folder)
-    file = folder / CONFIG_FILE
-    values = _read(file)
+def _read_config(file: Path) -> PreTrainedConfig:
+    """The config in a file, if it loads nothing by name; nothing is built from it."""
+    values = read_json(file)
     if not isinstance(values, dict):
         raise CheckpointError(f"{file} holds {shown(values)}, but must hold an object")
     name = str(values.pop("type", None))
     kind = PreTrainedConfig.get_known_choices().get(name)
     if kind is None or not (name in SAFE_POLICIES or issubclass(kind, KeyposePolicyConfig)):
-        raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text(_looked_up(values)))
+        looked_up = {
+            key: value for key, value in values.items() if isinstance(value, str) and LOADED.search(key)
+        }
+        raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text(looked_up))
     encoder = values.get("language_encoder", LEARNED_LANGUAGE)
     try:
         for side in ("input_features", "output_features"):
@@ -105,29 +106,3 @@ def read_config(folder: Path) -> PreTrainedConfig:
     if encoder not in SELF_CONTAINED:
         raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text({"language_encoder": encoder}))
     return config
-
-
-def _looked_up(values: dict[str, Any]) -> dict[str, Any]:
-    """The options whose texts a policy that is not known may look up."""
-    return {key: value for key, value in values.items() if isinstance(value, str) and LOADED.search(key)}
-
-
-def _read(file: Path) -> Any:
-    """The JSON value in a file.
-
-    Raises:
-        CheckpointError: there is none, or another.
-    """
-    try:
-        return read_json(file)
-    except BimanualError as error:
-        raise CheckpointError(str(error)) from error
-
-
-def _weights_of(config: KeyposePolicyConfig) -> dict[str, Tensor]:
-    """The weights of a policy by name, as tensors without memory."""
-    try:
-        with torch.device("meta"):
-            return get_policy_class(config.type)(replace(config, compile=False)).state_dict()
-    except BimanualError as error:
-        raise CheckpointError(str(error)) from error

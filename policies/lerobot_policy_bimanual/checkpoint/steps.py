@@ -1,7 +1,7 @@
 """Processor steps that load nothing by name, each with its options and tensors: all that a checkpoint may name and be safe."""
 
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -50,15 +50,11 @@ class _Step(Record):
 
 class _Processor(Record):
     name: str
-    steps: tuple[dict[str, Any], ...]
+    steps: tuple[_Step, ...]
 
 
 class _Rename(Record):
     rename_map: Annotated[dict[str, str], Field(default={})]
-
-
-class _Batch(Record):
-    pass
 
 
 class _Device(Record):
@@ -75,7 +71,7 @@ class _Normalizer(Record):
 
 SAFE_STEPS: dict[str, type[Record]] = {
     "rename_observations_processor": _Rename,
-    "to_batch_processor": _Batch,
+    "to_batch_processor": Record,
     "device_processor": _Device,
     "normalizer_processor": _Normalizer,
     "unnormalizer_processor": _Normalizer,
@@ -110,9 +106,13 @@ def step_names(file: Path, processor: object) -> list[str]:
     """
     try:
         steps = _Processor.from_json(json.dumps(processor)).steps
-        return [_checked(file, step) for step in steps]
+        for step in steps:
+            _check_options(file, step)
+            if step.state_file is not None:
+                check_weights(file.parent / step.state_file)
     except BadRecord as error:
         raise CheckpointError(f"{file}: {error}") from error
+    return [step.registry_name for step in steps]
 
 
 def options_text(options: Mapping[str, object]) -> str:
@@ -120,23 +120,15 @@ def options_text(options: Mapping[str, object]) -> str:
     return ", ".join(f"{plain(key)}={shown(value)}" for key, value in [*options.items()][:5])
 
 
-def _checked(file: Path, value: dict[str, Any]) -> str:
-    """The name of a step.
-
-    Raises:
-        BimanualError: as `step_names`.
-    """
-    step = _Step.from_json(json.dumps(value))
-    name, kind = step.registry_name, SAFE_STEPS.get(step.registry_name)
+def _check_options(file: Path, step: _Step) -> None:
+    """Refuse options that a step does not have, or whose values may load something."""
+    kind = SAFE_STEPS.get(step.registry_name)
     not_texts = [key for key, option in step.config.items() if not isinstance(option, str)]
     known = kind.model_fields if kind else not_texts
     unknown = {key: value for key, value in step.config.items() if key not in known}
     if kind is None or unknown:
-        raise NotSafeToSay(f"{file}: the step {shown(name)}", options_text(unknown))
+        raise NotSafeToSay(f"{file}: the step {shown(step.registry_name)}", options_text(unknown))
     kind.from_json(json.dumps(step.config))
-    if step.state_file is not None:
-        check_weights(file.parent / step.state_file)
-    return name
 
 
 def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> int:
@@ -144,59 +136,41 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
 
     Args:
         file: in the format of safetensors, which holds data and no programs.
-        expected: tensors with which the file's must agree, if any.
+        expected: tensors on any device, by name, with which the file's must agree in shape and type; None for any.
 
     Returns:
         The number of elements of all tensors.
 
     Raises:
-        CheckpointError: the file is missing, truncated or of another format, or as in `check_tensors`.
+        CheckpointError: the file is missing, truncated or of another format, its tensors are not those that are expected,
+            or numbers in them are not finite.
     """
     try:
         with safe_open(file, framework="pt") as tensors:
-            return check_tensors(str(file), tensors.keys(), tensors.get_tensor, expected)
+            names, own = sorted(tensors.keys()), expected or {}
+            if expected is not None and (differ := set(names) ^ expected.keys()):
+                lacking = differ - set(names)
+                word, which = ("lacks", lacking) if lacking else ("has unknown", differ)
+                raise CheckpointError(
+                    f"{file} {word} tensors for the network of its config, such as {plain(min(which))}"
+                )
+            return sum(
+                _checked_size(f"{plain(name)} in {file}", tensors.get_tensor(name), own.get(name))
+                for name in names
+            )
     except (SafetensorError, OSError, ValueError, AttributeError, RuntimeError) as error:
         raise CheckpointError(
             f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
         ) from error
 
 
-def check_tensors(
-    source: str,
-    names: Collection[str],
-    get: Callable[[str], Tensor],
-    expected: Mapping[str, Tensor] | None = None,
-) -> int:
-    """Check tensors, one at a time.
-
-    Args:
-        source: where they come from, for messages.
-        names: of the tensors.
-        get: gives a tensor by its name.
-        expected: tensors on any device, by name, with which they must agree in shape and type; None for any.
-
-    Returns:
-        The number of elements of all tensors.
-
-    Raises:
-        CheckpointError: they are not those that are expected, or numbers in them are not finite.
-    """
-    if expected is not None and (differ := set(names) ^ expected.keys()):
-        lacking = differ - set(names)
-        word, which = ("lacks", lacking) if lacking else ("has unknown", differ)
+def _checked_size(source: str, tensor: Tensor, expected: Tensor | None) -> int:
+    """The number of elements of a tensor that is finite and as expected."""
+    if expected is not None and (tensor.shape, tensor.dtype) != (expected.shape, expected.dtype):
         raise CheckpointError(
-            f"{source} {word} tensors for the network of its config, such as {plain(min(which))}"
+            f"{source} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
+            f"{tuple(expected.shape)} {expected.dtype}"
         )
-    elements = 0
-    for name in sorted(names):
-        tensor = get(name)
-        own = tensor if expected is None else expected[name]
-        if (tensor.shape, tensor.dtype) != (own.shape, own.dtype):
-            raise CheckpointError(
-                f"{plain(name)} in {source} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
-                f"{tuple(own.shape)} {own.dtype}"
-            )
-        if not (tensor.float() if tensor.itemsize == 1 else tensor).isfinite().all():  # float8 lacks the test
-            raise CheckpointError(f"{plain(name)} in {source} holds numbers that are not finite")
-        elements += tensor.numel()
-    return elements
+    if not (tensor.float() if tensor.itemsize == 1 else tensor).isfinite().all():  # float8 lacks the test
+        raise CheckpointError(f"{source} holds numbers that are not finite")
+    return tensor.numel()
