@@ -87,7 +87,7 @@ def test_a_policy_learns_on_frozen_tokens_which_are_neither_trained_nor_saved_an
 @pytest.mark.parametrize(("tokens", "dim"), [(TOKENS, 2 * DIM), (CONTEXT + 1, DIM)])
 def test_sizes_that_do_not_fit_the_tower_are_refused(tower, tokens, dim):
     with pytest.raises(
-        ValueError, match=f"{CONTEXT} tokens of width {DIM}.*language_tokens={tokens} and language_dim={dim}"
+        BadConfig, match=f"{CONTEXT} tokens of width {DIM}.*language_tokens={tokens} and language_dim={dim}"
     ):
         encoder(tower, tokens, dim)
 

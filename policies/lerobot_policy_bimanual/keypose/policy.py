@@ -231,6 +231,6 @@ def _make_language(config: KeyposePolicyConfig) -> nn.Module:
         from lerobot_policy_bimanual.nn.wordllama import WordllamaLanguage
 
         return WordllamaLanguage(**sizes)
-    from lerobot_policy_bimanual.nn.clip import clip_language  # for the configs that ask for it
+    from lerobot_policy_bimanual.nn.clip import ClipLanguage
 
-    return clip_language(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)
+    return ClipLanguage(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)

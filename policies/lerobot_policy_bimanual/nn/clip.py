@@ -6,23 +6,6 @@ from torch import Tensor, nn
 from lerobot_policy_bimanual.errors import BadConfig
 
 
-def clip_language(source: str, *, tokens: int, dim: int) -> "ClipLanguage":
-    """The encoder with these arguments.
-
-    Raises:
-        BadConfig: it cannot be made.
-    """
-    try:
-        return ClipLanguage(source, tokens=tokens, dim=dim)
-    except Exception as error:  # transformers, safetensors and the Hub raise many kinds
-        reason = " ".join(str(error).split())
-        raise BadConfig(
-            f"no text tower can be made of language_encoder='clip:{source}', which must name the folder or the hub id of a "
-            "CLIP model, and needs the package transformers (pip install 'lerobot_policy_bimanual[clip]'): "
-            f"{reason}"
-        ) from error
-
-
 class ClipLanguage(nn.Module):
     """Token features of a frozen CLIP text tower, before its projection, as the paper uses them.
 
@@ -35,25 +18,31 @@ class ClipLanguage(nn.Module):
         dim: expected width of the token features.
 
     Raises:
-        ImportError: if transformers is not installed.
-        ValueError: if the tower has another width or context length.
+        BadConfig: transformers is not installed, there is no such model, or it has another width or context length.
     """
 
     def __init__(self, source: str, *, tokens: int, dim: int):
         super().__init__()
-        from transformers import CLIPTextModel, CLIPTokenizer
+        try:
+            from transformers import CLIPTextModel, CLIPTokenizer
 
-        # Without a dtype it would be that of the file, often half precision.
-        model = CLIPTextModel.from_pretrained(source, dtype=torch.float32).eval().requires_grad_(False)
-        limit = model.config.max_position_embeddings
-        if model.config.hidden_size != dim or tokens > limit:
-            raise ValueError(
-                f"{source} gives up to {limit} tokens of width {model.config.hidden_size}, but the policy has "
-                f"language_tokens={tokens} and language_dim={dim}: set these to fit"
+            # Without a dtype it would be that of the file, often half precision.
+            model = CLIPTextModel.from_pretrained(source, dtype=torch.float32).eval().requires_grad_(False)
+            self._tokenizer = CLIPTokenizer.from_pretrained(source)
+        except Exception as error:  # transformers, safetensors and the Hub raise many kinds
+            raise BadConfig(
+                f"no text tower can be made of language_encoder='clip:{source}', which must name the folder or the hub id of "
+                "a CLIP model, and needs the package transformers (pip install 'lerobot_policy_bimanual[clip]'): "
+                f"{' '.join(str(error).split())}"
+            ) from error
+        limit, width = model.config.max_position_embeddings, model.config.hidden_size
+        if width != dim or tokens > limit:
+            raise BadConfig(
+                f"{source} gives up to {limit} tokens of width {width}, but the policy has language_tokens={tokens} and "
+                f"language_dim={dim}: set these to fit"
             )
         # A bound method, because nn.Module would register the tower and save it with every checkpoint.
         self._encode_ids = model.forward
-        self._tokenizer = CLIPTokenizer.from_pretrained(source)
         self._tokens = tokens
         self._cache: dict[str, Tensor] = {}
         self.register_buffer("_place", torch.empty(0), persistent=False)

@@ -5,6 +5,7 @@ import zlib
 
 import torch
 from torch import Tensor, nn
+from torch.nn.utils.rnn import pad_sequence
 
 from lerobot_policy_bimanual.nn.layers import Attention, FeedForward
 
@@ -16,13 +17,6 @@ MAX_WORDS = 77
 """Words read of an instruction; the context length of CLIP."""
 
 START = 0
-
-
-def word_ids(instruction: str) -> list[int]:
-    """Slots of an instruction's words, after a start symbol; any word of any script has one."""
-    words = re.findall(r"[^\W_]+", instruction.lower())
-    ids = [1 + zlib.crc32(word.encode()) % (BUCKETS - 1) for word in words]
-    return [START, *ids][:MAX_WORDS]
 
 
 class LearnedLanguage(nn.Module):
@@ -42,8 +36,10 @@ class LearnedLanguage(nn.Module):
         self.positions = nn.Parameter(torch.randn(MAX_WORDS, WORD_DIM))
 
     def _ids(self, instruction: str) -> list[int]:
-        """Slots of an instruction's words, after a start symbol."""
-        return word_ids(instruction)
+        """Slots of an instruction's words, after a start symbol; any word of any script has one."""
+        words = re.findall(r"[^\W_]+", instruction.lower())
+        ids = [1 + zlib.crc32(word.encode()) % (BUCKETS - 1) for word in words]
+        return [START, *ids][:MAX_WORDS]
 
     def _words(self, ids: Tensor) -> Tensor:
         """Slots (b, n) -> what the queries read (b, n, WORD_DIM)."""
@@ -52,12 +48,9 @@ class LearnedLanguage(nn.Module):
     def forward(self, instructions: list[str]) -> Tensor:
         """Instructions -> (b, tokens, dim)."""
         device = self.queries.device
-        ids = [self._ids(instruction) for instruction in instructions]
-        longest = max(len(row) for row in ids)
-        padded = torch.tensor([row + [START] * (longest - len(row)) for row in ids], device=device)
-        present = torch.arange(longest, device=device) < torch.tensor(
-            [len(row) for row in ids], device=device
-        ).unsqueeze(1)
+        ids = [torch.tensor(self._ids(instruction), dtype=torch.int64) for instruction in instructions]
+        padded = pad_sequence(ids, batch_first=True, padding_value=START)
+        present = torch.arange(padded.shape[1]) < torch.tensor([len(row) for row in ids])[:, None]
         queries = self.queries.expand(len(ids), -1, -1)
-        hidden = queries + self.read(queries, self._words(padded), present)
+        hidden = queries + self.read(queries, self._words(padded.to(device)), present.to(device))
         return self.out(hidden + self.feed_forward(hidden))
