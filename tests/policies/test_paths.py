@@ -100,11 +100,12 @@ def test_what_is_missing_here_is_not_looked_for_on_the_hub(tmp_path, monkeypatch
 
 
 def test_old_checkpoints_go_but_not_those_beyond_the_last_one(tmp_path):
-    for name in ("000500", "000750", "001000", "0001500", "0002000"):
+    for name in ("000500", "000750", "001000", "0001500", "0002000", "000500_kept"):
         (tmp_path / name).mkdir()
     (tmp_path / "last").symlink_to("0001500")
     remove_older(tmp_path, 2)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001500", "0002000", "001000", "last"]
+    kept = ["0001500", "0002000", "000500_kept", "001000", "last"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == kept
     (tmp_path / "last").unlink()
     remove_older(tmp_path, 1)  # the newest was being written when the training ended
-    assert len([*tmp_path.iterdir()]) == 3
+    assert len([*tmp_path.iterdir()]) == 4

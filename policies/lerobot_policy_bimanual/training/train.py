@@ -44,15 +44,15 @@ class LoaderFromMemory:
     """Batches of a dataset in memory, of the rows whose numbers a loader gives.
 
     Args:
-        numbers: gives batches of items of the dataset.
-        dataset: the dataset.
+        numbers: gives batches of items of a `ResidentDataset`, or of a part of one.
         is_resumed: whether the training goes on within an epoch. A loader draws a random number whenever it starts, and
             here starts once more than in the uninterrupted training, after LeRobot has restored the random state; that
             draw is taken back.
     """
 
-    def __init__(self, numbers: DataLoader, dataset: ResidentDataset, is_resumed: bool):
-        self._numbers, self._dataset, self._is_resumed = numbers, dataset, is_resumed
+    def __init__(self, numbers: DataLoader, is_resumed: bool):
+        self._numbers, self._is_resumed = numbers, is_resumed
+        self._dataset: ResidentDataset = _whole(numbers.dataset)
 
     def __len__(self) -> int:
         """Batches of an epoch."""
@@ -96,16 +96,12 @@ class AcceleratorWithMemory:
         Raises:
             DatasetError: the rows of a loader do not fit into memory.
         """
-        loaders = {place: part for place, part in enumerate(parts) if isinstance(part, DataLoader)}
-        held = {place: self._in_memory(part) for place, part in loaders.items()}
-        numbers = {place: loader for place, (loader, _) in held.items()}
-        prepared = self._accelerator.prepare(*(numbers.get(place, part) for place, part in enumerate(parts)))
+        numbers = [self._of_numbers(part) if isinstance(part, DataLoader) else part for part in parts]
+        prepared = self._accelerator.prepare(*numbers)
         self._is_prepared = True
         return tuple(
-            LoaderFromMemory(part, held[place][1], _starts_within_an_epoch(parts[place]))
-            if place in held
-            else part
-            for place, part in enumerate(prepared)
+            LoaderFromMemory(new, _starts_within_an_epoch(part)) if isinstance(part, DataLoader) else new
+            for part, new in zip(parts, prepared, strict=True)
         )
 
     def wait_for_everyone(self) -> None:
@@ -116,27 +112,32 @@ class AcceleratorWithMemory:
             if self._keep_last and self._is_prepared:
                 remove_older(Path(self._cfg.output_dir, "checkpoints"), self._keep_last)
 
-    def _in_memory(self, loader: DataLoader) -> tuple[DataLoader, ResidentDataset]:
-        """A loader of the numbers of the same rows, and their dataset in memory."""
-        rows: Any = loader.dataset
-        dataset: Any = rows.dataset if isinstance(rows, Subset) else rows
+    def _of_numbers(self, loader: DataLoader) -> DataLoader:
+        """A loader of the numbers of the same rows, whose dataset is in memory."""
+        rows, dataset = loader.dataset, _whole(loader.dataset)
         images = images_read(self._cfg, dataset.meta)
         held = ResidentDataset(dataset, self._accelerator.device, images, self._cfg.dataset.video_backend)
-        numbers = DataLoader(
+        return DataLoader(
             Subset(held, rows.indices) if isinstance(rows, Subset) else held,
             loader.batch_size,
             sampler=loader.sampler,
             collate_fn=loader.collate_fn,
             pin_memory=loader.pin_memory,
         )
-        return numbers, held
+
+
+def _whole(rows: Any) -> Any:
+    return rows.dataset if isinstance(rows, Subset) else rows
 
 
 def remove_older(checkpoints: Path, keep_last: int) -> None:
-    """Remove all but the newest checkpoints up to `last`; later ones are of another run, or were cut off."""
+    """Remove all but the newest checkpoints up to `last`; later ones are of another run, or were cut off.
+
+    Folders with other names than a number of steps stay.
+    """
     last = checkpoints / "last"
     if last.exists():
-        steps = {int(folder.name): folder for folder in checkpoints.glob("[0-9]*")}
+        steps = {int(folder.name): folder for folder in checkpoints.iterdir() if folder.name.isdecimal()}
         for step in sorted(step for step in steps if step <= int(last.resolve().name))[:-keep_last]:
             shutil.rmtree(steps[step])
 
@@ -160,11 +161,11 @@ def train(cfg: TrainPipelineConfig, keep_last: int | None = None) -> None:
     """
     if cfg.job.is_remote:
         raise BadConfig("--job.target names another machine: submit the training with `lerobot-train`")
-    of_config: Any = getattr(cfg, "accelerator", None)
     if "accelerator" in inspect.signature(lerobot_train.train).parameters:
         accelerator: Any = AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg), keep_last)
         lerobot_train.train(cfg, accelerator)
         return
+    of_config: Any = getattr(cfg, "accelerator", None)
     if hasattr(of_config, "build"):
 
         class WithMemory(type(of_config)):
@@ -227,11 +228,6 @@ def check_training(cfg: TrainPipelineConfig) -> None:
 
 
 def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
-    """Keys of the images that the policy reads: those among the inputs that it names, or all if it names none.
-
-    Args:
-        cfg: of the training.
-        meta: LeRobot's metadata of the dataset.
-    """
+    """Keys of the images of a dataset that the policy reads: those among the inputs that it names, or all if it names none."""
     named = cfg.policy.input_features if cfg.policy is not None else None
     return {key for key in meta.camera_keys if not named or cfg.rename_map.get(key, key) in named}
