@@ -133,22 +133,16 @@ class ResidentDataset(Dataset):
         """Yield the rows in order, with those of their images that are read, each decoded once; depth is in millimetres.
 
         LeRobot seeks to the key frame before every row of a video. Here a video is decoded from the start of an episode to
-        its end, by the same decoder, so that the frames are bit-identical.
-
-        Args:
-            images: keys of the images that are read.
-            episodes: first row and number of rows of each.
-            video_backend: LeRobot's name of the decoder of videos; None for its own choice.
+        its end, by the same decoder, so that the frames are bit-identical. An episode is its first row and number of rows.
         """
         dataset = self._dataset
         meta: Any = dataset.meta
         table = dataset.hf_dataset
         left_out = set(meta.camera_keys) - images
         video_keys = [key for key in meta.video_keys if key in images]
-        notes = {key: meta.features[key].get("info") or {} for key in meta.depth_keys}
         # Depth in metres is stored as floating-point numbers, which are left to LeRobot.
-        units = {key: notes.get(key, {}).get("depth_unit") for key in meta.image_keys}
-        in_metres = {key for key, unit in units.items() if unit == DEPTH_METER_UNIT}
+        notes = {key: meta.features[key].get("info") or {} for key in {*meta.depth_keys} & {*meta.image_keys}}
+        in_metres = {key for key, note in notes.items() if note.get("depth_unit") == DEPTH_METER_UNIT}
         # OpenCV decodes images in tables three times as fast as LeRobot does.
         for key in set(meta.image_keys) - in_metres:
             table = table.cast_column(key, datasets.Image(decode=False))
@@ -194,8 +188,7 @@ def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[s
             f"{free / 1e9:.1f} GB that are free on {device}. Use `lerobot-train`, or fewer rows, or smaller images, or "
             "fewer of them, by naming the policy's inputs (--policy.input_features)"
         )
-    shapes = {key: (rows, *value.shape) for key, value in row.items()}
-    return {key: torch.empty(shape, dtype=row[key].dtype, device=device) for key, shape in shapes.items()}
+    return {key: value.new_empty((rows, *value.shape), device=device) for key, value in row.items()}
 
 
 def _frames(
