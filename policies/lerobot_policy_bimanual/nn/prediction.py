@@ -1,12 +1,13 @@
 """Predictions of a keypose network: one categorical distribution per part of the discrete keypose."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import torch
 from torch import Tensor
 
 from lerobot_bimanual.codec_torch import KeyposeBins
+from lerobot_policy_bimanual.nn.precision import at_least_float32
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,13 @@ class KeyposePrediction:
     rotation: Tensor
     gripper_open: Tensor
     ignore_collisions: Tensor
+
+    @classmethod
+    def of_logits(cls, translation: TranslationPrediction, logits: Tensor) -> Self:
+        """Split logits (b, arms, 3 bins + 2 + 2) into those of rotation, gripper and collision flag, at least float32."""
+        sizes = (logits.shape[-1] - 4, 2, 2)
+        rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(sizes, dim=-1)
+        return cls(translation, rotation.unflatten(-1, (3, -1)), gripper_open, ignore_collisions)
 
     def best(self, candidates: VoxelCandidates | None = None) -> KeyposeBins:
         """The most probable class of every part.

@@ -77,15 +77,11 @@ class FactorisedTranslation:
         corner = _place(self.patches, P) * PATCH
         step = torch.arange(PATCH, device=score.device)
         voxel = corner[..., None, :] + torch.cartesian_prod(step, step, step)  # (b, arms, n, PATCH^3, 3)
-        return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2), self._expected_offset())
-
-    def _expected_offset(self) -> Tensor | None:
-        """Expected position (b, arms, n * PATCH^3, 3) in every voxel of `patches`, in voxels from its centre."""
-        cells = self.cell_logits.shape[-1]
-        if not cells:
-            return None
-        centres = (torch.arange(cells, device=self.cell_logits.device) + 0.5) / cells - 0.5
-        return (self.cell_logits.softmax(dim=-1) @ centres).flatten(2, 3)
+        offset = None
+        if cells := self.cell_logits.shape[-1]:
+            centres = (torch.arange(cells, device=score.device) + 0.5) / cells - 0.5
+            offset = (self.cell_logits.softmax(dim=-1) @ centres).flatten(2, 3)
+        return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2), offset)
 
     def probabilities(self) -> Tensor:
         """Probabilities (b, arms, v, v, v) of all voxels, uniform within the patches that were not scored."""

@@ -1,5 +1,6 @@
 """The PerAct family's voxel transformer, for one arm (PerAct) or two (PerAct2)."""
 
+from functools import partial
 from typing import Any
 
 import torch
@@ -7,11 +8,11 @@ from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual.nn.layers import Attention, Block, FeedForward, LanguageFilters, init_linear
-from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
 from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
+from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
 from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS, QUADRATIC, with_quadratic_features
 
 CROSS_HEAD_DIM = 64
@@ -39,10 +40,9 @@ class PerceiverIO(nn.Module):
         self.read_feed_forward = nn.ModuleList(
             FeedForward(dim, config.feedforward_multiplier) for _ in range(streams)
         )
-
-        def block() -> Block:
-            return Block(dim, heads=config.heads, multiplier=config.feedforward_multiplier, dropout=dropout)
-
+        block = partial(
+            Block, dim, heads=config.heads, multiplier=config.feedforward_multiplier, dropout=dropout
+        )
         self.streams = nn.ModuleList(
             nn.Sequential(*(block() for _ in range(config.depth))) for _ in range(streams)
         )
@@ -90,7 +90,6 @@ class PerActNetwork(nn.Module):
     ):
         super().__init__()
         channels, token_dim = config.channels, config.token_dim
-        self.rotation_bins = config.codec.rotation_bins
         self.patches = config.voxel_size // PATCH
         dense = config.translation_head == "dense"
         self.quadratic_features = config.quadratic_features
@@ -108,11 +107,10 @@ class PerActNetwork(nn.Module):
         # Standard deviation 1 for the same reason as the latents of `PerceiverIO`.
         self.positions = nn.Parameter(torch.randn(config.language_tokens + self.patches**3, token_dim))
         self.perceiver = PerceiverIO(config, streams=arms)
-        self.translation: Any = _translation_head(config, arms)
-        outputs = 3 * self.rotation_bins + 2 + 2
-        self.pose_heads = nn.ModuleList(
-            _pose_head(self.translation.feature_dim, outputs) for _ in range(arms)
-        )
+        head = DenseTranslationHead if dense else FactorisedTranslationHead
+        self.translation: Any = head(config, arms=arms)
+        features, outputs = self.translation.feature_dim, 3 * config.codec.rotation_bins + 2 + 2
+        self.pose_heads = nn.ModuleList(_mlp(features, *HIDDEN, outputs) for _ in range(arms))
         self.goal = GoalOfOther(token_dim, self.patches) if joint else None
         if config.compile:
             self.compile()  # in place: the names in the checkpoint stay the same
@@ -146,11 +144,7 @@ class PerActNetwork(nn.Module):
             answers = self.goal(answers, first[:, 0])
         translation, features = self.translation(stem, patch_map, answers, target_voxel)
         logits = torch.stack([head(features[:, arm]) for arm, head in enumerate(self.pose_heads)], dim=1)
-        rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(
-            (3 * self.rotation_bins, 2, 2), dim=-1
-        )
-        rotation = rotation.unflatten(-1, (3, self.rotation_bins))
-        return KeyposePrediction(translation, rotation, gripper_open, ignore_collisions)
+        return KeyposePrediction.of_logits(translation, logits)
 
 
 class GoalOfOther(nn.Module):
@@ -166,11 +160,7 @@ class GoalOfOther(nn.Module):
     def __init__(self, token_dim: int, patches: int):
         super().__init__()
         self.patches = patches
-        last = nn.Linear(HIDDEN[1], token_dim)
-        init_linear(last)
-        self.layers = nn.Sequential(
-            ActivatedLinear(4, HIDDEN[1]), ActivatedLinear(HIDDEN[1], HIDDEN[1]), last
-        )
+        self.layers = _mlp(4, HIDDEN[1], HIDDEN[1], token_dim)
 
     def forward(self, answers: Tensor, voxel: Tensor) -> Tensor:
         """Add to the second arm's answers.
@@ -187,16 +177,8 @@ class GoalOfOther(nn.Module):
         return torch.stack([answers[:, 0], answers[:, 1] + told], dim=1)
 
 
-def _translation_head(config: PerActConfig, arms: int) -> Any:
-    """The paper's head, or the cheaper one, which is imported for the configs that ask for it."""
-    if config.translation_head == "dense":
-        return DenseTranslationHead(config, arms=arms)
-    from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
-
-    return FactorisedTranslationHead(config, arms=arms)
-
-
-def _pose_head(inputs: int, outputs: int) -> nn.Sequential:
-    last = nn.Linear(HIDDEN[1], outputs)
+def _mlp(inputs: int, first: int, second: int, outputs: int) -> nn.Sequential:
+    """Two hidden layers and a linear one, which is made first: what a seed gives depends on that order."""
+    last = nn.Linear(second, outputs)
     init_linear(last)
-    return nn.Sequential(ActivatedLinear(inputs, HIDDEN[0]), ActivatedLinear(*HIDDEN), last)
+    return nn.Sequential(ActivatedLinear(inputs, first), ActivatedLinear(first, second), last)

@@ -35,11 +35,7 @@ class StemFeatures:
     """
 
     def __init__(
-        self,
-        grid: Tensor,
-        stem: PointwiseConv3d,
-        patchify: PatchConv3d,
-        filters: Tensor | None = None,
+        self, grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, filters: Tensor | None = None
     ):
         self._weight = stem.conv.weight.flatten(1).expand(len(grid), -1, -1)
         self._bias = cast(Tensor, stem.conv.bias).expand(len(grid), -1)
@@ -52,12 +48,10 @@ class StemFeatures:
             rows = rows.unflatten(axis, (p, PATCH))
         # (b, p, p, p, i, j, k, c): a patch is contiguous, as its token needs it
         self._rows = rows.permute(0, 1, 3, 5, 2, 4, 6, 7).contiguous()
-        layers: tuple[Any, ...] = (self._weight, self._bias, patchify.row_weight(), patchify.conv.bias)
+        inputs: Any = (self._rows, self._weight, self._bias, patchify.row_weight(), patchify.conv.bias)
         if torch.is_autocast_enabled(grid.device.type):
-            half = torch.get_autocast_dtype(grid.device.type)
-            tokens, *planes = _read(self._rows.to(half), *(each.to(half) for each in layers))
-        else:
-            tokens, *planes = _read(self._rows, *layers)
+            inputs = [each.to(torch.get_autocast_dtype(grid.device.type)) for each in inputs]
+        tokens, *planes = _Read.apply(*inputs)  # pyright: ignore[reportGeneralTypeIssues]
         self.tokens = F.leaky_relu(tokens, LEAK)
         self.planes = [plane.permute(0, 3, 1, 2) for plane in planes]
         self.along_lines: list[list[Tensor]] = []
@@ -97,10 +91,6 @@ def row_offsets(width: int, device: torch.device) -> list[Tensor]:
 def _filtered(rows: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     """Rows (b, n, inputs) through filters (b, channels, inputs) and (b, channels) of their sample: (b, n, channels)."""
     return torch.baddbmm(bias[:, None], rows, weight.transpose(1, 2))
-
-
-def _read(rows: Tensor, *layers: Any) -> tuple[Tensor, ...]:
-    return _Read.apply(rows, *layers)  # pyright: ignore[reportReturnType]
 
 
 class _Read(torch.autograd.Function):

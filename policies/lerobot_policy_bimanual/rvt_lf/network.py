@@ -1,5 +1,7 @@
 """The Robotic View Transformer (RVT) for one arm: five views in, one discrete keypose out."""
 
+from functools import partial
+
 import torch
 from torch import Tensor, nn
 
@@ -30,7 +32,6 @@ class RVTNetwork(nn.Module):
     def __init__(self, config: RVTLFConfig, *, proprio_dim: int, goal_channels: int = 0):
         super().__init__()
         channels, token_dim, patch = config.channels, config.token_dim, config.patch
-        self.rotation_bins = config.codec.rotation_bins
         self.heatmap_sigma_px = config.heatmap_sigma_px
         self.patches = config.voxel_size // patch
         inputs = VIEW_CHANNELS + goal_channels
@@ -50,7 +51,7 @@ class RVTNetwork(nn.Module):
         self.join = layers.SkipConv2d(channels)
         self.heatmap = layers.Conv2d(channels, 1, 3, activated=False)
         features = token_dim + channels
-        last = nn.Linear(features // 2, 3 * self.rotation_bins + 2 + 2)
+        last = nn.Linear(features // 2, 3 * config.codec.rotation_bins + 2 + 2)
         self.pose_head = nn.Sequential(
             nn.Linear(len(VIEWS) * features, features),
             nn.ReLU(),
@@ -83,14 +84,9 @@ class RVTNetwork(nn.Module):
         attention = logits.detach().flatten(1).softmax(dim=1).to(fine.dtype)
         at_peak = (fine.flatten(2) @ attention[..., None])[..., 0]  # (b 5, channels)
         features = torch.cat([answers.amax((2, 3)), at_peak], dim=1).unflatten(0, (-1, len(VIEWS)))
-        pose = at_least_float32(self.pose_head(features.flatten(1)))[:, None]  # (b, 1, outputs)
-        rotation, gripper_open, ignore_collisions = pose.split((3 * self.rotation_bins, 2, 2), dim=-1)
-        return KeyposePrediction(
-            HeatmapTranslation(logits.unflatten(0, (-1, len(VIEWS))).transpose(1, 2), self.heatmap_sigma_px),
-            rotation.unflatten(-1, (3, self.rotation_bins)),
-            gripper_open,
-            ignore_collisions,
-        )
+        heatmaps = logits.unflatten(0, (-1, len(VIEWS))).transpose(1, 2)  # (b, 1, 5, size, size)
+        translation = HeatmapTranslation(heatmaps, self.heatmap_sigma_px)
+        return KeyposePrediction.of_logits(translation, self.pose_head(features.flatten(1))[:, None])
 
     def read(self, views: Tensor, language: Tensor) -> Tensor:
         """Stem features (b 5, channels, size, size) of views (b, 5, 10, size, size), with language-conditioned filters."""
@@ -127,14 +123,6 @@ class RVTNetwork(nn.Module):
 
 def _blocks(config: RVTLFConfig) -> nn.Sequential:
     """Half of the attention blocks."""
-    return nn.Sequential(
-        *(
-            Block(
-                config.attention_dim,
-                heads=config.heads,
-                multiplier=config.feedforward_multiplier,
-                dropout=config.attention_dropout,
-            )
-            for _ in range(config.depth // 2)
-        )
-    )
+    dim, heads, dropout = config.attention_dim, config.heads, config.attention_dropout
+    block = partial(Block, dim, heads=heads, multiplier=config.feedforward_multiplier, dropout=dropout)
+    return nn.Sequential(*(block() for _ in range(config.depth // 2)))
