@@ -1,6 +1,5 @@
 """The configs of all policies; importing this module registers them and their optimizers with LeRobot."""
 
-import lerobot_policy_bimanual.keypose.optimizers  # noqa: F401
 from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
 from lerobot_policy_bimanual.peract_independent.configuration_peract_independent import (
     PerActIndependentConfig,

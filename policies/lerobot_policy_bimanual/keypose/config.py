@@ -14,6 +14,7 @@ from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM, divides_circle
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, number
+from lerobot_policy_bimanual.keypose.optimizers import FusedAdamWConfig, LambConfig
 
 LEARNED_LANGUAGE = "learned"
 WORDLLAMA = "wordllama"
@@ -120,8 +121,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
 
         Raises:
             BadConfig: a value is of another type or out of its range, or values do not fit together.
-            InvalidChoice: a word is not among the choices.
-            InvalidChoice: a camera does not exist.
+            InvalidChoice: a word is not among the choices, or a camera does not exist.
         """
         super().__post_init__()
         check_fields(self)
@@ -196,9 +196,6 @@ class KeyposePolicyConfig(PreTrainedConfig):
 
     def get_optimizer_preset(self) -> OptimizerConfig:
         """The optimizer of `optimizer*`."""
-        # No network needs them.
-        from lerobot_policy_bimanual.keypose.optimizers import FusedAdamWConfig, LambConfig
-
         config = LambConfig() if self.optimizer == "lamb" else FusedAdamWConfig(betas=(0.9, 0.99))
         config.lr, config.weight_decay = self.optimizer_lr, self.optimizer_weight_decay
         config.grad_clip_norm = self.optimizer_grad_clip_norm

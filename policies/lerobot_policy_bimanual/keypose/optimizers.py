@@ -1,6 +1,6 @@
 """Optimizers of keypose policies: LAMB as PerAct2's reference uses it, and AdamW in one pass per parameter."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -18,23 +18,10 @@ class Lamb(torch.optim.Optimizer):
 
     As in PerAct2's reference there is no bias correction, and weight decay is part of the direction. All
     arithmetic stays on the device: no value is read back.
-
-    Args:
-        params: parameters or parameter groups.
-        lr: learning rate.
-        betas: decay rates of both moments.
-        eps: added to the root of the second moment.
-        weight_decay: weight decay inside the direction.
     """
 
     def __init__(
-        self,
-        params: Iterable[Tensor] | Iterable[dict[str, Any]],
-        *,
-        lr: float,
-        betas: tuple[float, float],
-        eps: float,
-        weight_decay: float,
+        self, params: Any, *, lr: float, betas: tuple[float, float], eps: float, weight_decay: float
     ):
         super().__init__(params, {"lr": lr, "betas": betas, "eps": eps, "weight_decay": weight_decay})
 

@@ -1,7 +1,7 @@
 """Keep geometry, softmax and losses in full precision under autocast and TF32."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from threading import Lock
 
 import torch
@@ -20,12 +20,9 @@ def full_precision(device: torch.device) -> Iterator[None]:
     LeRobot may train under autocast, and its programs enable a GPU's TF32: world coordinates would be off by centimetres
     in bfloat16, and by half a millimetre per metre in TF32.
     """
-    with torch.autocast(device.type, enabled=False):
-        if device.type != "cuda":
-            yield
-            return
-        with _WITHOUT_TF32:
-            yield
+    without_tf32 = _WITHOUT_TF32 if device.type == "cuda" else nullcontext()
+    with torch.autocast(device.type, enabled=False), without_tf32:
+        yield
 
 
 class _WithoutTF32:
