@@ -109,11 +109,6 @@ class ProjectionConv2d(nn.Conv2d):
 
     Every layer reaches as many voxels further as its dilation. With 3 and 9 every voxel up to 13 away is reached, which is
     half of a grid of 25.
-
-    Args:
-        channels: input channels.
-        width: output channels.
-        dilations: dilations of the layers after the first.
     """
 
     def __init__(self, channels: int, width: int, dilations: Sequence[int]):
@@ -237,7 +232,8 @@ class FactorisedTranslationHead(nn.Module):
             voxel_logits, cell_logits = self._score(stem, along_lines, tokens, best)
         if target_voxel is None:
             target_logits = target_cells = None
-            patch = self._patch_of_best_voxel(patch_logits, best, voxel_logits)
+            score = patch_logits.gather(-1, best) + voxel_logits.log_softmax(dim=-1).amax(dim=-1)
+            patch = best.gather(-1, score.argmax(dim=-1, keepdim=True)).squeeze(-1)  # of the best voxel
         else:
             patch = split_voxel(target_voxel, P)[0]
             scores = self._score(stem, along_lines, tokens, patch[..., None])
@@ -265,13 +261,6 @@ class FactorisedTranslationHead(nn.Module):
             scores.append(head(crops[:, arm], along_lines[arm], place[:, arm], answers))
         voxels, cells = (torch.stack(logits, dim=1) for logits in zip(*scores, strict=True))
         return voxels, cells
-
-    @staticmethod
-    def _patch_of_best_voxel(patch_logits: Tensor, patches: Tensor, voxel_logits: Tensor) -> Tensor:
-        """The patch (b, arms) that holds the most probable voxel."""
-        prior = patch_logits.gather(-1, patches)
-        score = prior + voxel_logits.log_softmax(dim=-1).amax(dim=-1)
-        return patches.gather(-1, score.argmax(dim=-1, keepdim=True)).squeeze(-1)
 
 
 def _patch_logits(layer: nn.Module, along_lines: Sequence[Tensor]) -> Tensor:

@@ -97,14 +97,8 @@ class _Read(torch.autograd.Function):
     """Maps rows (b, p, p, p, i, j, k, inputs) to tokens (b, p^3, outputs) and maxima (b, v, v, channels) along x, y, z."""
 
     @staticmethod
-    def forward(
-        ctx: Any,
-        rows: Tensor,
-        stem_weight: Tensor,
-        stem_bias: Tensor,
-        patch_weight: Tensor,
-        patch_bias: Tensor,
-    ) -> tuple[Tensor, ...]:
+    def forward(ctx: Any, rows: Tensor, *layers: Tensor) -> tuple[Tensor, ...]:
+        stem_weight, stem_bias, patch_weight, patch_bias = layers
         stem = activate(_filtered(rows.flatten(1, 6), stem_weight, stem_bias)).view(*rows.shape[:-1], -1)
         tokens = F.linear(stem.flatten(4).flatten(1, 3), patch_weight, patch_bias)
         planes = [reduce(torch.maximum, _slices(stem, axis)) for axis in range(3)]
