@@ -41,11 +41,7 @@ def policy_check(config: PolicyCheckConfig) -> None:
 
 
 def require_safe(folder: Path) -> None:
-    """Check a checkpoint for a program that is about to load it.
-
-    Raises:
-        CheckpointError: as `check_checkpoint`.
-    """
+    """Check a checkpoint for a program that is about to load it, as `check_checkpoint` does."""
     from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 
     check_checkpoint(folder)

@@ -66,11 +66,7 @@ def check_fields(config: Any) -> None:
 
 
 def require_multiple(config: Any, name: str, divisor: int, why: str) -> None:
-    """Check that a field is a multiple.
-
-    Raises:
-        BadConfig: the field is not a multiple of the divisor.
-    """
+    """Refuse a field that is not a multiple of the divisor, as `BadConfig`."""
     value = getattr(config, name)
     if value < divisor or value % divisor:
         raise BadConfig(f"{name}={value} must be a multiple of {divisor}: {why}")

@@ -16,12 +16,7 @@ KEYPOSE_NUMBERS = 3 + 3 + 1 + 1
 
 
 class IndependentArms(nn.Module):
-    """Predicts each arm's keypose from the scene and that arm's own proprioception.
-
-    Args:
-        make_network: builds a network for one arm, as for `LeaderFollower`.
-        proprio_dim: numbers of proprioception per arm.
-    """
+    """Predicts each arm's keypose from the scene and that arm's own proprioception; arguments as for `LeaderFollower`."""
 
     def __init__(self, make_network: Callable[..., nn.Module], *, proprio_dim: int):
         super().__init__()
@@ -30,7 +25,7 @@ class IndependentArms(nn.Module):
     def forward(
         self, scene: Any, proprio: Tensor, language: Tensor, target: KeyposeBins | None = None
     ) -> KeyposePrediction:
-        """Predict the next keypose of both arms, left first; arguments as for `LeaderFollower`."""
+        """Predict the next keypose of both arms, left first."""
         bodies = proprio.chunk(len(ARMS), dim=-1)
         return join_arms(
             [

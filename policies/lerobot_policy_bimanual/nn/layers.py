@@ -104,12 +104,7 @@ class LanguageFilters(nn.Linear):
 
     A dynamic filter network (De Brabandere et al., arXiv 1605.09673): "the red item" becomes a detector of red at every
     voxel or pixel. From a hundred demonstrations a small network does not learn that through attention alone
-    (docs/learning.md).
-
-    Args:
-        language_dim: width of the language tokens.
-        inputs: channels that the layer reads.
-        outputs: channels that it writes.
+    (docs/learning.md). The layer reads `inputs` channels and writes `outputs`.
     """
 
     def __init__(self, language_dim: int, inputs: int, outputs: int):
@@ -123,14 +118,9 @@ class LanguageFilters(nn.Linear):
 
 
 def near(index: Tensor, size: int) -> Tensor:
-    """How near each place on an axis is to some: 1 there, less by a Gaussian of `GOAL_SIGMA` places.
+    """How near each of `size` places on an axis is to `index`: 1 there, less by a Gaussian of `GOAL_SIGMA` places.
 
-    Args:
-        index: (...) places on the axis, from 0.
-        size: places on the axis.
-
-    Returns:
-        (..., size) float32.
+    (...) places, from 0, to (..., size) float32.
     """
     distance = torch.arange(size, device=index.device) - index[..., None]
     return torch.exp(-((distance / GOAL_SIGMA) ** 2) / 2)

@@ -19,10 +19,6 @@ class WordllamaLanguage(LearnedLanguage):
     Words that mean the same have similar vectors, so that a policy can follow words that its demonstrations lack. The vectors
     are neither among the policy's parameters nor in its checkpoints.
 
-    Args:
-        tokens: tokens per instruction.
-        dim: width of a token.
-
     Raises:
         BadConfig: the package is missing, or its files cannot be read.
     """
@@ -46,9 +42,8 @@ class WordllamaLanguage(LearnedLanguage):
         self.project = nn.Linear(vectors.shape[1], WORD_DIM)
 
     def _ids(self, instruction: str) -> list[int]:
-        text = (
-            instruction.lower().encode(errors="replace").decode()
-        )  # half of a surrogate pair is no text to a tokenizer
+        # Half of a surrogate pair is no text to a tokenizer.
+        text = instruction.lower().encode(errors="replace").decode()
         return self._tokenizer.encode(text).ids[:MAX_WORDS]
 
     def _words(self, ids: Tensor) -> Tensor:

@@ -40,11 +40,7 @@ class PerActConfig(KeyposePolicyConfig):
     activation_checkpointing: bool = False  # recompute the dense head backwards: less memory, more time
 
     def __post_init__(self):
-        """Refuse sizes that do not fit together, too.
-
-        Raises:
-            BadConfig: as in the base, or they do not.
-        """
+        """Refuse sizes that do not fit together, too."""
         super().__post_init__()
         dilations = self.projection_dilations
         if len(dilations) > 16 or not all(isinstance(each, int) and 1 <= each <= 512 for each in dilations):

@@ -151,10 +151,6 @@ class GoalOfOther(nn.Module):
     """Tells the second arm, at every patch, where the first arm's goal lies from there.
 
     The arms' voxels are drawn from p(first) p(second | first) instead of a product of marginals.
-
-    Args:
-        token_dim: width of the answers.
-        patches: patches per axis.
     """
 
     def __init__(self, token_dim: int, patches: int):
@@ -163,12 +159,7 @@ class GoalOfOther(nn.Module):
         self.layers = _mlp(4, HIDDEN[1], HIDDEN[1], token_dim)
 
     def forward(self, answers: Tensor, voxel: Tensor) -> Tensor:
-        """Add to the second arm's answers.
-
-        Args:
-            answers: (b, 2, token_dim, p, p, p).
-            voxel: (b, 3), the first arm's.
-        """
+        """Add to the second arm's of answers (b, 2, token_dim, p, p, p), given the first arm's voxels (b, 3)."""
         centres = PATCH * torch.arange(self.patches, device=voxel.device) + PATCH // 2
         lattice = torch.stack(torch.meshgrid(centres, centres, centres, indexing="ij"), dim=-1)
         offset = (voxel[:, None, None, None] - lattice) / PATCH  # (b, p, p, p, 3), in patches

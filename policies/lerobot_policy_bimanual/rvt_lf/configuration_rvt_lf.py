@@ -14,8 +14,8 @@ from lerobot_policy_bimanual.keypose.fields import choice, number, require_multi
 class RVTLFConfig(KeyposePolicyConfig):
     """RVT-LF: one five-view RVT per arm, the follower's being told the leader's next keypose.
 
-    The defaults are the networks of PerAct2's baseline.
-    The recipe `small` of `lerobot-bimanual policy benchmark` has the flags of networks that train on a laptop's CPU.
+    The defaults are the networks of PerAct2's baseline. The recipe `small` of `lerobot-bimanual policy benchmark` has the flags
+    of networks that train on a laptop's CPU.
     """
 
     # Pixels per side of every view, and so the voxels per axis from which positions are chosen (RVT code: 220 of both).
@@ -36,11 +36,7 @@ class RVTLFConfig(KeyposePolicyConfig):
     follower_sees_goal: bool = False
 
     def __post_init__(self):
-        """Refuse sizes that do not fit together, too.
-
-        Raises:
-            BadConfig: as in the base, or they do not.
-        """
+        """Refuse sizes that do not fit together, too."""
         super().__post_init__()
         if self.patch % 2 == 0:
             raise BadConfig(f"patch={self.patch} must be odd: kernels of this width need a centre")

@@ -78,18 +78,10 @@ class HeatmapTranslation:
 
 
 def best_voxel(xy: Tensor, xz: Tensor, yz: Tensor) -> Tensor:
-    """The voxel with the highest xy[x, y] + (xz[x, z] + yz[y, z]), of all v^3; the first one if there are several.
+    """Voxels (n, 3) with the highest xy[x, y] + (xz[x, z] + yz[y, z]) in planes (n, v, v); the first one of equal ones.
 
     The maximum over z does not depend on xy, so the lattice is one sum and one maximum per voxel, a few planes of
     constant x at a time.
-
-    Args:
-        xy: (n, v, v), indexed by x and y.
-        xz: likewise.
-        yz: likewise.
-
-    Returns:
-        (n, 3) int64.
     """
     n, V, _ = xy.shape
     planes_at_once = max(1, CHUNK_VOXELS // (n * V**2))

@@ -12,14 +12,7 @@ NORM_GROUPS = 4
 
 
 class Conv2d(nn.Conv2d):
-    """Convolution with replicate borders that keeps the image size.
-
-    Args:
-        inputs: channels read.
-        outputs: channels written.
-        kernel: odd width of the kernel.
-        activated: whether a LeakyReLU follows.
-    """
+    """Convolution of odd width with replicate borders, which keeps the image size, and LeakyReLU if `activated`."""
 
     def __init__(self, inputs: int, outputs: int, kernel: int, *, activated: bool):
         super().__init__(inputs, outputs, kernel, padding=kernel // 2, padding_mode="replicate")

@@ -63,17 +63,9 @@ def render_views(
 
 
 def _nearest_points(scaled: Tensor, content: Tensor, inside: Tensor, size: int, radius: float) -> Tensor:
-    """Which point every pixel shows.
+    """Index (b, views, size, size) int64 of the point that every pixel shows; n where there is none.
 
-    Args:
-        scaled: (b, 3, n) positions in voxels.
-        content: (b, 6, n) what makes points different.
-        inside: (b, 1, n) which points exist.
-        size: pixels per side.
-        radius: of a point, in units of the cube's half edge.
-
-    Returns:
-        (b, views, size, size) int64 indices; n where there is no point.
+    Points are positions (b, 3, n) in voxels, content (b, 6, n) that tells them apart, and whether they exist (b, 1, n).
     """
     B, _, N = scaled.shape
     index_bits = N.bit_length()

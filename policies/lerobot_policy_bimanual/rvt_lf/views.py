@@ -48,15 +48,7 @@ COLUMNS = [view.column for view in VIEWS]
 
 
 def pixels_of_voxels(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
-    """Where voxels are seen.
-
-    Args:
-        voxel: (..., 3) int64 indices.
-        size: voxels per axis, and pixels per side of a view.
-
-    Returns:
-        Rows and columns (..., views) int64.
-    """
+    """Rows and columns (..., views) at which views of `size` pixels per side see voxels (..., 3)."""
     both = torch.cat([voxel, size - 1 - voxel], dim=-1)
     return both[..., ROWS], both[..., COLUMNS]
 
@@ -69,15 +61,9 @@ def with_goal(images: Tensor, voxel: Tensor) -> Tensor:
 
 
 def sum_over_views(images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Add up views that see the same two axes.
+    """Add up those of images (..., views, size, size) that see the same two axes: planes xy, xz, yz (..., size, size).
 
     Each voxel (x, y, z) collects xy[x, y] + xz[x, z] + yz[y, z] from the five images.
-
-    Args:
-        images: (..., views, size, size).
-
-    Returns:
-        The planes xy, xz and yz, (..., size, size) each.
     """
     planes: dict[tuple[int, int], Tensor] = {}
     for view, image in zip(VIEWS, images.unbind(-3), strict=True):

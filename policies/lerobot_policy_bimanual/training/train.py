@@ -228,6 +228,6 @@ def check_training(cfg: TrainPipelineConfig) -> None:
 
 
 def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
-    """Keys of the images of a dataset that the policy reads: those among the inputs that it names, or all if it names none."""
+    """Keys of a dataset's images that the policy reads: those among the inputs that it names, or all if it names none."""
     named = cfg.policy.input_features if cfg.policy is not None else None
     return {key for key in meta.camera_keys if not named or cfg.rename_map.get(key, key) in named}
