@@ -118,9 +118,9 @@ class LanguageFilters(nn.Linear):
 
 
 def near(index: Tensor, size: int) -> Tensor:
-    """How near each of `size` places on an axis is to `index`: 1 there, less by a Gaussian of `GOAL_SIGMA` places.
+    """How near the `size` places of an axis are to places `index` (...), from 0: (..., size) float32.
 
-    (...) places, from 0, to (..., size) float32.
+    1 at the place itself, less by a Gaussian of `GOAL_SIGMA` places around it.
     """
     distance = torch.arange(size, device=index.device) - index[..., None]
     return torch.exp(-((distance / GOAL_SIGMA) ** 2) / 2)

@@ -159,7 +159,7 @@ class GoalOfOther(nn.Module):
         self.layers = _mlp(4, HIDDEN[1], HIDDEN[1], token_dim)
 
     def forward(self, answers: Tensor, voxel: Tensor) -> Tensor:
-        """Add to the second arm's of answers (b, 2, token_dim, p, p, p), given the first arm's voxels (b, 3)."""
+        """Answers (b, 2, token_dim, p, p, p), the second arm's with the direction to the first arm's voxels (b, 3) added."""
         centres = PATCH * torch.arange(self.patches, device=voxel.device) + PATCH // 2
         lattice = torch.stack(torch.meshgrid(centres, centres, centres, indexing="ij"), dim=-1)
         offset = (voxel[:, None, None, None] - lattice) / PATCH  # (b, p, p, p, 3), in patches

@@ -131,10 +131,7 @@ def _whole(rows: Any) -> Any:
 
 
 def remove_older(checkpoints: Path, keep_last: int) -> None:
-    """Remove all but the newest checkpoints up to `last`; later ones are of another run, or were cut off.
-
-    Folders with other names than a number of steps stay.
-    """
+    """Remove all but the newest checkpoints up to `last`; later ones, of another run or cut off, and other folders stay."""
     last = checkpoints / "last"
     if last.exists():
         steps = {int(folder.name): folder for folder in checkpoints.iterdir() if folder.name.isdecimal()}
