@@ -80,11 +80,7 @@ SAFE_STEPS: dict[str, type[Record]] = {
 
 
 def check_classes(file: Path, processor: object) -> None:
-    """Refuse the steps that are named by a class, whatever else is wrong.
-
-    Raises:
-        CheckpointError: there is one.
-    """
+    """Refuse a processor with a step that is named by a class, as `CheckpointError`, whatever else is wrong."""
     steps = processor.get("steps") if isinstance(processor, dict) else None
     for step in steps if isinstance(steps, list) else ():
         if isinstance(step, dict) and "class" in step:

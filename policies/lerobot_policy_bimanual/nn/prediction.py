@@ -48,12 +48,15 @@ class TranslationPrediction(Protocol):
             offset: (b, arms, 3) position in them, from -0.5 to 0.5 voxels off the centre; None for the centre. Only
                 heads with sub-voxel bins use it.
         """
+        ...
 
     def candidates(self) -> VoxelCandidates:
         """Give at least the most probable voxel and its neighbours."""
+        ...
 
     def probabilities(self) -> Tensor:
         """Probabilities (b, arms, v, v, v) of all voxels, for inspection: too large for training at full size."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

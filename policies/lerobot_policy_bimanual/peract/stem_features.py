@@ -51,7 +51,7 @@ class StemFeatures:
         inputs: Any = (self._rows, self._weight, self._bias, patchify.row_weight(), patchify.conv.bias)
         if torch.is_autocast_enabled(grid.device.type):
             inputs = [each.to(torch.get_autocast_dtype(grid.device.type)) for each in inputs]
-        tokens, *planes = _Read.apply(*inputs)  # pyright: ignore[reportGeneralTypeIssues]
+        tokens, *planes = _Read.apply(*inputs)
         self.tokens = F.leaky_relu(tokens, LEAK)
         self.planes = [plane.permute(0, 3, 1, 2) for plane in planes]
         self.along_lines: list[list[Tensor]] = []
