@@ -19,7 +19,6 @@ from lerobot_bimanual.results.evaluation import eval_key
 from lerobot_env_bimanual.conditions import Condition, on_the_way
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
 from lerobot_env_bimanual.episode.observations import observation_space
-from lerobot_env_bimanual.episode.one_thread import one_thread_at_a_time
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
 from lerobot_env_bimanual.motion.planner import KeyposeFailure
 from lerobot_env_bimanual.options import EnvOptions, checked_reset_options, checked_seed
@@ -35,7 +34,6 @@ GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
 
 
-@one_thread_at_a_time("reset", "step", "fail", "observe", "images", "render", "restore_state", "close")
 class BimanualEnv(gym.Env):
     """A bimanual manipulation task with two Franka arms.
 
@@ -52,7 +50,7 @@ class BimanualEnv(gym.Env):
 
     An episode is determined by task, setting, split, seed, variation and perturbations, bit for bit. Construction is cheap:
     each set of props is compiled at the first reset that draws it, OpenGL starts at the first image, and both come back after `close`.
-    A copy or a pickle is another environment in the same state, without observers and videos. Two threads at once are refused.
+    A copy or a pickle is another environment in the same state, without observers and videos.
 
     Args:
         task: registered task name.

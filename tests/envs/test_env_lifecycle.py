@@ -5,7 +5,6 @@ import hashlib
 import pickle
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -105,19 +104,3 @@ def test_an_episode_that_is_filmed_has_no_copy(tmp_path):
     with pytest.raises(BimanualError, match="cannot be copied"):
         copy.deepcopy(env)
     env.close()
-
-
-def test_a_second_thread_at_once_is_refused_and_one_after_the_other_are_not(state_env):
-    state_env.reset(seed=1)
-    action, complaints = state_env.scene.commanded, []
-
-    def intrude(*_: object) -> None:
-        with ThreadPoolExecutor(1) as pool:
-            for call in (state_env.reset, state_env.observe, state_env.render, state_env.close):
-                complaints.append(str(pool.submit(call).exception()))
-
-    with state_env.observed_by(intrude):
-        state_env.step(action)
-    assert complaints == 4 * ["BimanualEnv is in use by another thread: make one for each thread"]
-    with ThreadPoolExecutor(1) as pool:
-        pool.submit(state_env.step, action).result()
