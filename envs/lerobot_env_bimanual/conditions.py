@@ -32,8 +32,7 @@ class Condition(ABC):
     @functools.cached_property  # read at every tick
     def name(self) -> str:
         """The class and the fields that its `repr` shows, e.g. `above(ball, 0.95)`."""
-        values = (getattr(self, field.name) for field in fields(self) if field.repr)
-        shown = (_shown(value) for value in values)
+        shown = (_shown(getattr(self, field.name)) for field in fields(self) if field.repr)
         words = re.sub("(?<!^)(?=[A-Z])", "_", type(self).__name__).lower()
         return f"{words}({', '.join(shown)})"
 
@@ -114,7 +113,6 @@ class Above(Condition):
     height_m: float
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare the z coordinate of the prop's origin."""
         return bool(view.pose(self.prop).position[2] >= self.height_m)
 
 
@@ -126,7 +124,6 @@ class WhollyAbove(Condition):
     height_m: float
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare the lowest corner."""
         geoms = view.model.geom_bodyid == view.model.body(self.prop).id
         centres, half_sizes = np.split(view.model.geom_aabb[geoms], 2, axis=1)
         vertical = view.data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]
@@ -151,7 +148,6 @@ class CentredOn(Condition):
     varied_m: float | None = field(default=None, repr=False)
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare x and y of the prop's origin in the target's frame."""
         offset = view.pose(self.target).inverse().apply(view.pose(self.prop).position)
         is_other = view.is_varied and self.varied_m is not None
         return bool(np.abs(offset[:2]).max() <= (self.varied_m if is_other else self.tolerance_m))
@@ -174,7 +170,6 @@ class Inside(Condition):
     upper_m: tuple[float, float, float] = field(repr=False)
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare the prop's origin in the container's frame."""
         position = view.pose(self.container).inverse().apply(view.pose(self.prop).position)
         return bool(np.all(position >= self.lower_m) and np.all(position <= self.upper_m))
 
@@ -187,7 +182,6 @@ class AtRest(Condition):
     speed_m_s: float = field(default=REST_SPEED_M_S, repr=False)
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare the linear speed."""
         return bool(view.speed(self.prop) <= self.speed_m_s)
 
 
@@ -199,7 +193,6 @@ class Touched(Condition):
     by: Arm
 
     def __call__(self, view: SceneView) -> bool:
-        """Look through the contacts."""
         return view.touching(self.by, self.prop)
 
 
@@ -211,7 +204,6 @@ class Untouched(Condition):
     by: Arm
 
     def __call__(self, view: SceneView) -> bool:
-        """Look through the contacts."""
         return not view.arm_touches(self.by, self.prop)
 
 
@@ -223,7 +215,6 @@ class Held(Condition):
     by: Arm
 
     def __call__(self, view: SceneView) -> bool:
-        """Ask for the motor's force and the contacts."""
         return view.held(self.by, self.prop)
 
 
@@ -234,7 +225,6 @@ class Grasped(Condition):
     prop: str
 
     def __call__(self, view: SceneView) -> bool:
-        """Ask for the motor's force and the contacts."""
         return any(view.held(arm, self.prop) for arm in ARMS)
 
 
@@ -246,7 +236,6 @@ class Pressed(Condition):
     travel_m: float = field(default=0.001, repr=False)
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare the joint with its rest at zero."""
         return bool(view.joint_value(f"{self.button}_cap") <= -self.travel_m)
 
 
@@ -258,7 +247,6 @@ class Near(Condition):
     distance_m: float
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare x and y with those of the placement."""
         offset_m = view.pose(self.prop).position - view.placed_m(self.prop)
         return bool(np.hypot(*offset_m[:2]) <= self.distance_m)
 
@@ -271,20 +259,18 @@ class Raised(Condition):
     rise_m: float
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare z with that of the placement."""
         return bool(view.pose(self.prop).position[2] - view.placed_m(self.prop)[2] >= self.rise_m)
 
 
 @dataclass(frozen=True)
 class Aligned(Condition):
-    """The prop's heading differs from the target's by at most this many degrees."""
+    """The prop's heading, the horizontal direction of its x axis, differs from the target's by at most this many degrees."""
 
     prop: str
     target: str
     tolerance_deg: float
 
     def __call__(self, view: SceneView) -> bool:
-        """Compare the horizontal directions of their x axes."""
         (x, y), (target_x, target_y) = (view.pose(body).rotation[:2, 0] for body in (self.prop, self.target))
         angle_rad = math.atan2(target_x * y - target_y * x, target_x * x + target_y * y)
         return bool(abs(angle_rad) <= np.deg2rad(self.tolerance_deg))
@@ -297,7 +283,6 @@ class Unhandled(Condition):
     props: tuple[str, ...]
 
     def __call__(self, view: SceneView) -> bool:
-        """Look through the contacts."""
         arms = tuple(view.arm_pair.base_body(arm) for arm in ARMS)
         return not view.contacts(arms, self.props)
 
@@ -309,7 +294,6 @@ class Once(OnTheWay):
     word: ClassVar[str] = "and"
 
     def __call__(self, view: SceneView) -> bool:
-        """Whether they all hold now."""
         return all(part(view) for part in self.parts)
 
     def after(self, so_far: bool | None, view: SceneView) -> bool:
@@ -324,7 +308,6 @@ class Always(OnTheWay):
     word: ClassVar[str] = "or"
 
     def __call__(self, view: SceneView) -> bool:
-        """Whether one of them holds now."""
         return any(part(view) for part in self.parts)
 
     def after(self, so_far: bool | None, view: SceneView) -> bool:
