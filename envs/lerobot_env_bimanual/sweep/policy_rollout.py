@@ -8,10 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from lerobot.configs import PreTrainedConfig
-from lerobot.envs import make_env_pre_post_processors, preprocess_observation
+from lerobot.envs import make_env_pre_post_processors
 from lerobot.policies import get_policy_class, make_policy, make_pre_post_processors
 from lerobot.scripts.lerobot_eval import rollout
 from lerobot.utils.device_utils import get_safe_torch_device
@@ -22,6 +21,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.observations import dataset_row
 from lerobot_env_bimanual.experts.runner import Move, Player
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
 from lerobot_env_bimanual.vector.evaluation import record_name
@@ -142,10 +142,11 @@ def policy_player(folder: Path) -> Player:
     def play(env: BimanualEnv) -> Iterator[Move]:
         policy.reset()
         while True:
-            arrays = preprocess_observation(_batch_of_one(env.observe()))
-            observation = {**arrays, "task": [env.task_description]}
+            row = dataset_row(env.observe())
+            batch = {key: torch.from_numpy(array)[None] for key, array in row.items()}
             with torch.inference_mode():
-                action = postprocess(policy.select_action(preprocess(observation)))
+                observation = preprocess(batch | {"task": [env.task_description]})
+                action = postprocess(policy.select_action(observation))
             yield Move("predicted", action[0].to("cpu").numpy())
 
     return play
@@ -162,11 +163,3 @@ def _not_loaded(folder: str, error: Exception) -> BimanualError:
     return BimanualError(
         f"LeRobot cannot load the checkpoint at {folder}: {reason}; `lerobot-bimanual policy check` looks at its parts"
     )
-
-
-def _batch_of_one(observation: dict[str, Any]) -> dict[str, Any]:
-    """As a vector environment gives it, every array with one more dimension."""
-    return {
-        key: _batch_of_one(value) if isinstance(value, dict) else np.asarray(value)[None]
-        for key, value in observation.items()
-    }

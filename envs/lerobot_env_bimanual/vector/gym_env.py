@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.wrappers import TransformObservation
 
+from lerobot_bimanual.dataset.schema import image_key
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import PIXELS, dataset_row
@@ -33,7 +34,7 @@ def make_env(
         BimanualError: an option is outside its choices.
     """
     env = BimanualEnv(task, options=EnvOptions.of(**options), render_mode=render_mode)
-    return _LeRobotKeys(env) if checked_keys(keys) == "lerobot" else env
+    return _with_keys_of_datasets(env) if checked_keys(keys) == "lerobot" else env
 
 
 def checked_keys(keys: Any) -> Keys:
@@ -47,18 +48,11 @@ def checked_keys(keys: Any) -> Keys:
     return keys
 
 
-class _LeRobotKeys(gym.ObservationWrapper):
-    """Gives observations as rows of a `LeRobotDataset`."""
-
-    def __init__(self, env: gym.Env):
-        super().__init__(env)
-        found: Any = env.observation_space
-        space: dict[str, Any] = {**found}
-        pixels = dict(space.pop(PIXELS, {}))
-        colours = {camera: np.empty(box.shape, np.uint8) for camera, box in pixels.items()}
-        rows = dataset_row({PIXELS: colours})
-        images: dict[str, Any] = {key: spaces.Box(0, 1, row.shape, np.float32) for key, row in rows.items()}
-        self.observation_space = spaces.Dict(images | dataset_row(space))
-
-    def observation(self, observation: Mapping[str, Any]) -> dict[str, Any]:
-        return dataset_row(observation)
+def _with_keys_of_datasets(env: BimanualEnv) -> gym.Env:
+    """An environment whose observations are rows of a `LeRobotDataset`."""
+    space = dict[str, Any](env.observation_space)
+    pixels = dict[str, Any](space.pop(PIXELS, {}))
+    images = {
+        image_key(camera): spaces.Box(0, 1, (3, *box.shape[:2]), np.float32) for camera, box in pixels.items()
+    }
+    return TransformObservation(env, dataset_row, spaces.Dict(images | dataset_row(space)))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gymnasium.vector.utils import iterate
 
 from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_bimanual.results.evaluation import EvaluationRecord
@@ -83,25 +84,14 @@ def evaluate(
 
 def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> None:
     """Play an episode of each seed."""
-    filled: list[int | None] = [
-        *seeds,
-        *(seeds[-1] + 1 + index for index in range(envs.num_envs - len(seeds))),
-    ]
-    observations, info = envs.reset(seed=filled)
+    fillers = range(seeds[-1] + 1, seeds[-1] + 1 + envs.num_envs - len(seeds))
+    observations, info = envs.reset(seed=[*seeds, *fillers])
     actions: list[Any] = [np.zeros(envs.single_action_space.shape or ())] * envs.num_envs
     over = np.arange(envs.num_envs) >= len(seeds)
     while not over.all():
-        for index in np.flatnonzero(~over):
-            observation = _single(observations, index)
-            observation = dataset_row(observation) if keys == "lerobot" else observation
-            actions[index] = act(observation | {"task": str(info["instruction"][index])})
+        for index, observation in enumerate(iterate(envs.observation_space, observations)):
+            if not over[index]:
+                seen = dataset_row(observation) if keys == "lerobot" else observation
+                actions[index] = act(seen | {"task": str(info["instruction"][index])})
         observations, _, terminated, truncated, info = envs.step(actions)
         over |= terminated | truncated
-
-
-def _single(observations: dict[str, Any], index: int) -> dict[str, Any]:
-    """The observation of one environment among those of several."""
-    return {
-        key: _single(value, index) if isinstance(value, dict) else value[index]
-        for key, value in observations.items()
-    }
