@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 EACH_VARIATION = "each"
 ALL_AXES = ("all",)
+SHARED = ("player", "discretise", "replay", "split", "perturb", "setting", "plan")
+"""Options that are fields of a report and of each of its episodes."""
 
 
 @dataclass
@@ -121,8 +123,8 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     from lerobot_env_bimanual.experts.world_version import simulation_versions
     from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, Evaluator
 
-    shared = ("player", "discretise", "replay", "split", "first_seed", "perturb", "setting", "plan")
-    head: dict[str, Any] = {"n_seeds": config.episodes} | {name: getattr(config, name) for name in shared}
+    head: dict[str, Any] = {name: getattr(config, name) for name in (*SHARED, "first_seed")}
+    head["n_seeds"] = config.episodes
     log = report = None
     if config.output is not None:
         check_output_file(config.output)
@@ -132,8 +134,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
         for task in tasks:
             if report and _is_played(config, report, task):
                 continue
-            variations = _variations(config, task)
-            specs = [spec for each in variations for spec in _specs(evaluator, config, task, each)]
+            specs = [*_specs(evaluator, config, task)]
             found = make_report(evaluator.play(specs, f"{task}: {config.player}"), **head)
             report = report.with_tasks_of(found) if report else found
             if config.output is not None:
@@ -173,26 +174,16 @@ def _variations(config: ExpertEvaluateConfig, task: str) -> tuple[str, ...]:
     return tuple(map(str, indices)) if config.variation in apart else (config.variation,)
 
 
-def _specs(
-    evaluator: Evaluator, config: ExpertEvaluateConfig, task: str, variation: str
-) -> Iterator[EpisodeSpec]:
+def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Iterator[EpisodeSpec]:
+    """The episodes of a task, by variation and seed."""
     from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
 
-    spec = EpisodeSpec(
-        task,
-        variation,
-        config.split,
-        0,
-        config.player,
-        config.discretise,
-        evaluator.mean_keyposes(task, variation, config.setting) if config.player == "open_loop" else (),
-        config.replay,
-        config.perturb,
-        config.setting,
-        config.plan,
-    )
-    seeds = range(config.first_seed, config.first_seed + config.episodes)
-    yield from (replace(spec, seed=seed) for seed in seeds)
+    shared = {name: getattr(config, name) for name in SHARED}
+    for variation in _variations(config, task):
+        if config.player == "open_loop":
+            shared["mean_keyposes"] = evaluator.mean_keyposes(task, variation, config.setting)
+        for seed in range(config.first_seed, config.first_seed + config.episodes):
+            yield EpisodeSpec(task, variation, seed=seed, **shared)
 
 
 def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from lerobot_bimanual.errors import check_range
 from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.terminal import show_next
-from lerobot_env_bimanual.options import STANDARD, EnvOptions
+from lerobot_env_bimanual.options import STANDARD
 
 
 @dataclass
@@ -54,26 +54,22 @@ def task_view(config: TaskViewConfig) -> None:
     check_range("episodes", config.episodes, 1)
     os.environ.setdefault("MUJOCO_GL", "egl")  # a display may be there that does not open
     check_output_folder(config.output)
-    _play(config)
-    task = config.task
-    show_next("lerobot-bimanual", "dataset", "generate", f"--task={task}", f"--root=data/{task}")
 
-
-def _play(config: TaskViewConfig) -> None:
-    """Play the episodes, and write a video of each."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert_of
     from lerobot_env_bimanual.rendering.film import rollout, write_film
+    from lerobot_env_bimanual.sweep.checkpoint import Checkpoint, require_safe
 
-    env = BimanualEnv(config.task, options=_options(config))
+    # A policy sees what its checkpoint names; an expert needs no images.
+    seen = {"obs": "state"} if config.checkpoint is None else Checkpoint.read(config.checkpoint).options
+    chosen = {name: getattr(config, name) for name in ("variation", "split", "setting", "perturb")}
+    env = BimanualEnv(config.task, render_quality=config.quality, **chosen, **seen)
     players = {"expert": expert_of(env)}
     if config.checkpoint is not None:
-        from lerobot_env_bimanual.sweep.checkpoint import Checkpoint, require_safe
-        from lerobot_env_bimanual.sweep.policy_rollout import policy_player
-
-        Checkpoint.read(config.checkpoint)
         if not config.trust_checkpoint:
             require_safe(config.checkpoint)
+        from lerobot_env_bimanual.sweep.policy_rollout import policy_player
+
         players["policy"] = policy_player(config.checkpoint)
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
@@ -87,15 +83,4 @@ def _play(config: TaskViewConfig) -> None:
             print(f"{name}: {verdict} after {recording.duration_s:.1f} s")
         print(film)
     env.close()
-
-
-def _options(config: TaskViewConfig) -> EnvOptions:
-    """Options of the environment: what the checkpoint sees, and no images for an expert, which needs none."""
-    names = ("variation", "split", "setting", "perturb")
-    chosen: dict[str, Any] = {name: getattr(config, name) for name in names}
-    chosen["render_quality"] = config.quality
-    if config.checkpoint is None:
-        return EnvOptions(obs="state", **chosen)
-    from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
-
-    return EnvOptions(**chosen | Checkpoint.read(config.checkpoint).options)
+    show_next("lerobot-bimanual", "dataset", "generate", f"--task={env.task}", f"--root=data/{env.task}")
