@@ -28,11 +28,14 @@ class Registry[T]:
         kind: what an entry is called in error messages, such as "task".
         group: entry-point group of other distributions, with `name = "module.that.registers_it"`.
         own: name -> module of this distribution's entries; they win over announced ones of the same name.
+
+    Attributes:
+        loaded: entries whose modules have been imported, by name.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, str]):
         self._kind, self._group, self._own = kind, group, own
-        self._entries: dict[str, T] = {}
+        self.loaded: dict[str, T] = {}
 
     @functools.cached_property
     def modules(self) -> dict[str, str]:
@@ -46,12 +49,7 @@ class Registry[T]:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all entries, sorted."""
-        return tuple(sorted({*self.modules, *self._entries}))
-
-    @property
-    def loaded(self) -> Mapping[str, T]:
-        """Entries whose modules have been imported, by name."""
-        return self._entries
+        return tuple(sorted({*self.modules, *self.loaded}))
 
     def add(self, name: str, entry: T) -> None:
         """Register an entry.
@@ -59,9 +57,9 @@ class Registry[T]:
         Raises:
             ValueError: another entry has the same name.
         """
-        if name in self._entries:
+        if name in self.loaded:
             raise ValueError(f"another {self._kind} is called {name!r}; names must be unique")
-        self._entries[name] = entry
+        self.loaded[name] = entry
 
     def get(self, name: str) -> T:
         """The entry called `name`; its module is imported on first use.
@@ -71,7 +69,7 @@ class Registry[T]:
         """
         if name not in self.names:
             raise InvalidChoice(self._kind, name, self.names)
-        if name not in self._entries:
+        if name not in self.loaded:
             module = self.modules[name]
             try:
                 importlib.import_module(module)
@@ -84,12 +82,12 @@ class Registry[T]:
                     f"{self._kind} {name!r} cannot be loaded from module {module!r}{self._source(name)}: "
                     f"{type(error).__name__}: {plain(error)}"
                 ) from error
-            if name not in self._entries:
+            if name not in self.loaded:
                 raise BimanualError(
                     f"module {module!r}{self._source(name)} registers no {self._kind} called {name!r}; an entry point "
                     f"of the group {self._group!r} must have the name of its {self._kind}"
                 )
-        return self._entries[name]
+        return self.loaded[name]
 
     def all(self) -> dict[str, T]:
         """Every entry that can be loaded, by name; a broken one of another distribution is skipped with a warning.
@@ -128,11 +126,8 @@ AXES: Registry[Any] = Registry(
 """The axes of perturbation, each a `lerobot_env_bimanual.perturbations.axis.Axis`."""
 
 
-def chosen_levels(perturb: object) -> dict[str, int]:
-    """Level of each chosen axis, by name in alphabetical order; nominal axes are left out.
-
-    Args:
-        perturb: `AXIS:LEVEL`, several separated by commas; may be empty.
+def checked_perturbation(perturb: object) -> str:
+    """The canonical text of the chosen levels, `AXIS:LEVEL` separated by commas, without nominal axes.
 
     Raises:
         InvalidChoice: the text has another form, or there is no such axis or level.
@@ -141,13 +136,4 @@ def chosen_levels(perturb: object) -> dict[str, int]:
     for name in levels:
         if name not in AXES.names:
             raise InvalidChoice(f"an axis of perturb={perturb!r}", name, AXES.names)
-    return levels
-
-
-def checked_perturbation(perturb: object) -> str:
-    """The canonical text of the chosen levels.
-
-    Raises:
-        InvalidChoice: as for `chosen_levels`.
-    """
-    return levels_text(chosen_levels(perturb))
+    return levels_text(levels)

@@ -10,11 +10,12 @@ import numpy as np
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.perturbation_levels import parse_levels
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.options import SPLITS
 from lerobot_env_bimanual.perturbations.axis import Action, Axis, Image, Moment, Start
-from lerobot_env_bimanual.registry import AXES, chosen_levels
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.task import Task, TaskSpec
 from lerobot_env_bimanual.world.appearance import NOMINAL
 from lerobot_env_bimanual.world.scene import Scene
@@ -42,7 +43,7 @@ class Perturbations:
 
     def __init__(self, perturb: str, task: TaskSpec, split: str):
         self._task, self._split = task, split
-        axes: dict[Axis[Any], int] = {AXES.get(name): level for name, level in chosen_levels(perturb).items()}
+        axes: dict[Axis[Any], int] = {AXES.get(name): level for name, level in parse_levels(perturb).items()}
         self._magnitudes = {axis: axis.levels[level - 1] for axis, level in axes.items()}
         self.magnitudes = {axis.name: magnitude for axis, magnitude in self._magnitudes.items()}
         self.changes_model = any(axis.build for axis in self._magnitudes)
