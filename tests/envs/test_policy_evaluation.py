@@ -61,6 +61,11 @@ def test_a_policy_that_remembers_is_reset_and_a_named_evaluation_goes_on_where_i
         evaluate(policy, "handover_item", SEEDS, results_dir=tmp_path, **FEW)
     whole = evaluate(Remembers(fails=False), "handover_item", SEEDS, name="it", results_dir=tmp_path, **FEW)
     assert whole.episodes == evaluate(hands_down, "handover_item", SEEDS, **FEW).episodes
+    with pytest.raises(BimanualError, match="is of another evaluation") as refused:
+        evaluate(hands_down, "handover_item", SEEDS, name="other", results_dir=tmp_path, **FEW)
+    assert refused  # the error is kept, as a notebook does
+    assert len([*tmp_path.iterdir()]) == 1
+    assert evaluate(hands_down, "handover_item", SEEDS, name="it", results_dir=tmp_path, **FEW) == whole
     with pytest.raises(BimanualError, match="remembers one episode"):
         evaluate(policy, "handover_item", SEEDS, environments=2, **FEW)
 

@@ -125,16 +125,20 @@ class KeptEpisodes:
                 f"{there} is there already, and its policy may be another one: choose another folder, or remove the file"
             )
         journal = Journal(self._partial, _Entry, exclusive=True)
-        if self._path.exists() and head.policy:
-            record = EvaluationRecord.read(self._path)
-            self._refuse(self._path, head.difference(record))
-            self.known = {episode.seed: episode for episode in record.episodes}
-        self._interrupted = journal.entries()
-        if journal.header and head.policy and self._interrupted:
-            self._refuse(self._partial, head.difference(EvaluationHead.from_json(journal.header)))
-        else:
-            self._interrupted = []
-            journal.restart(head.model_dump_json())
+        try:
+            if self._path.exists() and head.policy:
+                record = EvaluationRecord.read(self._path)
+                self._refuse(self._path, head.difference(record))
+                self.known = {episode.seed: episode for episode in record.episodes}
+            self._interrupted = journal.entries()
+            if journal.header and head.policy and self._interrupted:
+                self._refuse(self._partial, head.difference(EvaluationHead.from_json(journal.header)))
+            else:
+                self._interrupted = []
+                journal.restart(head.model_dump_json())
+        except BimanualError:  # a notebook keeps the error, and with it the journal
+            (journal.close if journal.header else journal.remove)()
+            raise
         self.known |= {entry.episode.seed: entry.episode for entry in self._interrupted}
         self._head, self._journal, self._is_own = head, journal, True
 
