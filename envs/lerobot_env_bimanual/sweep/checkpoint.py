@@ -44,8 +44,8 @@ class Checkpoint:
     Attributes:
         folder: path of the folder.
         policy: type of the policy.
-        options: options of an environment that shows the policy's inputs, and no more.
-        sha256: SHA-256 of its weights.
+        options: of an environment that shows the policy's inputs, and no more.
+        sha256: of its weights.
     """
 
     folder: Path

@@ -119,7 +119,7 @@ def solved_seeds(
         player: who plays.
         conditions: in which conditions.
         template: task, variation and split of the episodes.
-        seeds: seeds of each condition.
+        seeds: of each condition.
 
     Raises:
         BimanualError: an episode could not be played.
@@ -161,16 +161,10 @@ def read_earlier[Result: (RobustnessResult, ExpertRobustnessReport)](
 
 
 def check_same(path: Path, name: str, theirs: object, ours: object) -> None:
-    """Refuse an earlier result that is of another measurement.
-
-    Args:
-        path: file of the earlier result.
-        name: name of what is compared.
-        theirs: its value in the earlier result.
-        ours: its value here.
+    """Refuse an earlier result that is of another measurement: what is called `name` differs from ours.
 
     Raises:
-        BimanualError: the values differ.
+        BimanualError: it does.
     """
     if theirs != ours:
         raise BimanualError(

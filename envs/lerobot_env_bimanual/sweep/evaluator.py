@@ -97,12 +97,7 @@ def play(spec: EpisodeSpec) -> EpisodeOutcome:
 
 
 class _Line(Record):
-    """One line of a log.
-
-    Attributes:
-        spec: SHA-256 of the episode's spec.
-        outcome: its outcome.
-    """
+    """One line of a log: SHA-256 of an episode's spec, and its outcome."""
 
     spec: str
     outcome: EpisodeOutcome
@@ -114,13 +109,7 @@ class EpisodeLog(Journal[_Line]):
     Lines of other code or other versions are discarded, and so are damaged ones, as of a last line that was cut off:
     their episodes are played again.
 
-    Args:
-        path: the file; its folder is made.
-        exclusive: whether other processes are kept out until `close`, or the end of this one.
-
-    Raises:
-        BimanualError: it cannot be read, or another process has it.
-        UnwritableOutput: it cannot be written.
+    Arguments and errors are those of `Journal`.
     """
 
     def __init__(self, path: Path, *, exclusive: bool = False):
@@ -135,11 +124,7 @@ class EpisodeLog(Journal[_Line]):
         return self._outcomes.get(_key(spec))
 
     def keep(self, spec: EpisodeSpec, outcome: EpisodeOutcome) -> None:
-        """Keep an outcome.
-
-        Raises:
-            UnwritableOutput: it cannot be written.
-        """
+        """Keep an outcome."""
         key = _key(spec)
         self.add(_Line(spec=key, outcome=outcome))
         self._outcomes[key] = outcome
@@ -168,12 +153,7 @@ def _key(spec: EpisodeSpec) -> str:
 
 
 class Evaluator(WorkerPool):
-    """A pool of worker processes that plays episodes; use it in a `with` statement.
-
-    Args:
-        workers: number of processes; 0 takes one per core.
-        log: keeps outcomes.
-    """
+    """A pool of worker processes that plays episodes and keeps outcomes in a log; use it in a `with` statement."""
 
     def __init__(self, workers: int, log: EpisodeLog | None = None):
         super().__init__(workers)

@@ -22,11 +22,7 @@ PLAYED = "played"
 
 
 class EpisodeRecorder(gym.Wrapper):
-    """Adds the `Episode` to the info of an episode's last step, under `PLAYED`.
-
-    Args:
-        env: whose episodes are kept.
-    """
+    """Adds the `Episode` to the info of an episode's last step, under `PLAYED`."""
 
     _load: LoadMeter  # of the episode
 

@@ -61,12 +61,7 @@ class Evaluation:
 
 
 class _Entry(Record):
-    """A finished episode.
-
-    Attributes:
-        episode: the episode.
-        random_state: state of the random numbers of the program after it.
-    """
+    """A finished episode, and the state of the program's random numbers after it."""
 
     episode: Episode
     random_state: str = ""
@@ -77,13 +72,6 @@ class KeptEpisodes:
 
     Each is appended to `<name>_record.partial.jsonl` as it ends, and on the disk before the next begins. `finish` makes
     `<name>_record.json` of them when all that were asked for are there.
-
-    Args:
-        folder: the folder.
-        task: name of the task.
-        options: of the environments.
-        environments: number of them.
-        evaluation: who is evaluated.
 
     Attributes:
         known: the episodes by seed.
@@ -96,19 +84,15 @@ class KeptEpisodes:
         self, folder: Path, task: str, options: EnvOptions, environments: int, evaluation: Evaluation
     ):
         self._path = folder / record_name(task, options)
+        self._partial = self._path.with_suffix(".partial.jsonl")
         self._task, self._options, self._environments = task, options, environments
         self._evaluation = evaluation
         self._head: EvaluationHead | None = None
         self._journal: Journal[_Entry] | None = None
-        self._is_own = False
         self._interrupted: list[_Entry] = []
         self.known: dict[int, Episode] = {}
         if self._path.exists() or self._partial.exists():
             self.open()
-
-    @property
-    def _partial(self) -> Path:
-        return self._path.with_suffix(".partial.jsonl")
 
     def open(self) -> None:
         """Take over what is there, unless that has been done.
@@ -119,10 +103,10 @@ class KeptEpisodes:
         if self._journal is not None:
             return
         self.known, head = {}, self._head or self._make_head()
-        if not head.policy and not self._is_own and (self._path.exists() or self._partial.exists()):
-            there = self._path if self._path.exists() else self._partial
+        there = [path for path in (self._path, self._partial) if path.exists()]
+        if there and not head.policy and self._head is None:
             raise BimanualError(
-                f"{there} is there already, and its policy may be another one: choose another folder, or remove the file"
+                f"{there[0]} is there already, and its policy may be another one: choose another folder, or remove the file"
             )
         journal = Journal(self._partial, _Entry, exclusive=True)
         try:
@@ -140,14 +124,10 @@ class KeptEpisodes:
             (journal.close if journal.header else journal.remove)()
             raise
         self.known |= {entry.episode.seed: entry.episode for entry in self._interrupted}
-        self._head, self._journal, self._is_own = head, journal, True
+        self._head, self._journal = head, journal
 
     def add(self, episode: Episode) -> None:
-        """Keep an episode that has just ended.
-
-        Raises:
-            UnwritableOutput: it cannot be written.
-        """
+        """Keep an episode that has just ended."""
         assert self._journal is not None
         self._journal.add(_Entry(episode=episode, random_state=self._evaluation.random_state()))
         self.known[episode.seed] = episode

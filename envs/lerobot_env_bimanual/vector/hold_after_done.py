@@ -16,13 +16,10 @@ INVALID_ACTION = "invalid action: "
 
 @dataclass(frozen=True)
 class Settled:
-    """Takes the place of an action in an episode that is not played, and ends it.
-
-    Attributes:
-        success: whether it was solved when it was played.
-    """
+    """Takes the place of an action in an episode that is not played, and ends it."""
 
     success: bool
+    """Whether it was solved when it was played."""
 
 
 class HoldAfterDone(gym.Wrapper):
