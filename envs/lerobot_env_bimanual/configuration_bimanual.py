@@ -76,8 +76,6 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
     ) -> dict[str, dict[int, gym.vector.VectorEnv]]:
         """One vector environment per task, as `{suite: {task id: environments}}`: LeRobot's `per_group` is per suite.
 
-        A task that was selected by its own name is its own group.
-
         Raises:
             BimanualError: `results_dir` holds another evaluation, or `lerobot-eval` is told to record this one itself.
         """
@@ -96,13 +94,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
     def make_vector_env(
         self, task: str, n_envs: int, use_async_envs: bool, evaluation: Evaluation
     ) -> gym.vector.VectorEnv:
-        """The vector environment of one of the tasks.
-
-        Args:
-            task: its name.
-            n_envs: environments side by side.
-            use_async_envs: one process per environment, if there are several.
-            evaluation: who is evaluated on which seeds.
+        """The vector environment of one of the tasks; if asynchronous, each environment has a process of its own.
 
         Raises:
             BimanualError: `results_dir` holds another evaluation of the task.

@@ -41,13 +41,9 @@ It may ask whether both arms can do the task in the present scene, by a rehearsa
 
 
 class EpisodeReset:
-    """Starts episodes of one task in one scene.
+    """Starts episodes of one task in one scene, and perturbs them.
 
-    Args:
-        task: whose props are placed, and whose script is rehearsed.
-        scene: its world.
-        perturb: changes every episode.
-        is_patched: whether the model of `scene` differs from the task's; placements are then drawn in one that does not.
+    If `scene` is patched, its model differs from the task's; placements are then drawn in a scene that does not.
     """
 
     def __init__(self, task: Task, scene: Scene, perturb: Perturb, is_patched: bool = False):
@@ -62,13 +58,8 @@ class EpisodeReset:
         """Reset the scene, place the props where the script can be rehearsed, and let them settle.
 
         A placement counts only if the rehearsal succeeds with the exact keyposes and with those rounded to
-        the voxels and bins of keypose policies, so that every episode is solvable by such a policy.
-
-        Args:
-            progress: the episode: its variation says what to colour or to choose, its generator is drawn from.
-
-        Returns:
-            Number of placements drawn.
+        the voxels and bins of keypose policies, so that every episode is solvable by such a policy. Returns the number of
+        placements drawn.
 
         Raises:
             PlacementFailure: `MAX_DRAWS` draws in vain; the message counts the reasons.
@@ -105,11 +96,7 @@ class ProtectiveStop:
 
     A Panda stops with a reflex when the outside force that it estimates passes the thresholds that its user has set
     (`setCollisionBehavior` of libfranka, "upper thresholds"); where contact is meant, libfranka's examples of impedance and
-    force control set 100 N.
-
-    Args:
-        task: which may have a bound of its own.
-        scene: its world.
+    force control set 100 N. A task may have a bound of its own.
     """
 
     def __init__(self, task: TaskSpec, scene: SceneView):
@@ -143,24 +130,14 @@ class World:
 
 
 class Worlds:
-    """The worlds by index of their set of props.
-
-    Args:
-        task: whose things they hold.
-        options: of the environment.
-        changes: differences from the nominal world.
-    """
+    """The worlds of a task by index of their set of props."""
 
     def __init__(self, task: Task, options: EnvOptions, changes: Perturbations):
         self._task, self._options, self._changes = task, options, changes
         self._compiled: dict[int, World] = {}
 
     def __getitem__(self, prop_set: int) -> World:
-        """That of a set of props; compiled if it is not there yet.
-
-        Raises:
-            InvalidChoice: an axis of perturbation finds nothing to change in the task.
-        """
+        """That of a set of props; compiled if it is not there yet."""
         if prop_set not in self._compiled:
             changes, setting = self._changes, self._options.setting
             props = self._task.spec.prop_sets(setting)[prop_set]

@@ -139,12 +139,9 @@ def _views(root: Path) -> list[Path]:
 class _ViewReport:
     """What was found in one view; its files are checked at once.
 
-    Args:
-        root: its folder.
-
     Attributes:
         root: its folder.
-        n_episodes: number of its episodes, 0 if none can be read.
+        n_episodes: 0 if none can be read.
         remark: what is not checked, and why; may be empty.
     """
 

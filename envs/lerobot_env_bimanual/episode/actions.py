@@ -50,12 +50,7 @@ EMPTY_ACTION = np.zeros(0, np.float32)
 
 
 class ActionReader:
-    """Turns the vectors given to `step` into a joint action that the arms can follow, or a keypose.
-
-    Args:
-        control_mode: which kinds are accepted, and how strictly.
-        arm_pair: whose limits hold; fingers have a speed of their own.
-    """
+    """Turns the vectors given to `step` into a joint action that the arms can follow, or a keypose."""
 
     def __init__(self, control_mode: str, arm_pair: ArmPair):
         self._mode = control_mode

@@ -88,10 +88,7 @@ def observation_space(options: EnvOptions) -> spaces.Dict:
 class ObservationRenderer:
     """Makes the observations of one environment, and frames for videos; OpenGL starts at the first image.
 
-    Args:
-        scene: the world.
-        options: which cameras, and how.
-        change: changes images before they are observed; not those of frames.
+    The filter `change` applies to observed images, not to frames.
     """
 
     def __init__(self, scene: Scene, options: EnvOptions, change: Filter):
@@ -106,10 +103,6 @@ class ObservationRenderer:
 
     def images(self, progress: EpisodeProgress, depth: bool) -> dict[str, Any]:
         """The images of an observation, whatever `obs` says.
-
-        Args:
-            progress: of the episode.
-            depth: with depth, or colours only.
 
         Returns:
             `pixels`, and with depth `images.<camera>_depth` float32 (1, H, W) in millimetres, LeRobot's unit, clipped to
@@ -162,11 +155,6 @@ class ObservationRenderer:
 
 def calibration(view: SceneView, height: int, width: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Calibration of the five cameras: where they are now, as far as known, and how they project.
-
-    Args:
-        view: the scene.
-        height: of the images, pixels.
-        width: of the images, pixels.
 
     Returns:
         Extrinsics (80,) float32: world_T_camera of every camera of `CAMERA_NAMES`, row-major 4x4, OpenCV axes.

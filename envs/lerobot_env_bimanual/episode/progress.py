@@ -134,12 +134,7 @@ def draw_episode(
     Variation and sentence are always drawn, so that an episode is the same whether its variation was drawn or fixed. Props
     and layout are drawn from the variation, too, so that no two variations of a seed share a layout.
 
-    Args:
-        spec: of the task.
-        split: "train", "val" or "test".
-        seed: of the episode.
-        fixed: index of the variation; None leaves it to the seed.
-        setting: "standard" or "varied".
+    The variation is the one with the index `fixed`; None leaves it to the seed.
     """
     entropy = [SPLITS[split], spec.id, seed, SETTINGS[setting]]
     rng = np.random.default_rng(np.random.SeedSequence(entropy))

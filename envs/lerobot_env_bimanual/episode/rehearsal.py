@@ -80,12 +80,7 @@ class Rehearsal:
 
 
 class _ScriptRun:
-    """One going through of a script, with the keyposes of one codec.
-
-    Args:
-        scene: the world, read only.
-        codec: what keyposes are rounded to; None leaves them exact.
-    """
+    """One going through of a script, with the keyposes of one codec."""
 
     def __init__(self, scene: SceneView, codec: KeyposeCodec | None):
         self._scene = scene

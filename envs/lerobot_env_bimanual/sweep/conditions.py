@@ -84,9 +84,7 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
         levels: 1 to 3.
 
     Raises:
-        InvalidChoice: no such task.
-        InvalidChoice: no such axis or level.
-        BimanualError: no axis applies to the task.
+        BimanualError: no such task, axis or level, or no axis applies to the task.
     """
     spec = get_task(task).spec
     for level in levels or [""]:
@@ -195,15 +193,9 @@ def extended(
 def sweep_expert(
     conditions: Conditions, config: ExpertRobustnessConfig, output: Path, workers: int = 0
 ) -> ExpertRobustnessReport:
-    """Play the conditions that no report in the file's place holds for the present world, and write all of them.
+    """Play the conditions that no report in the file `output` holds for the present world, and write all of them.
 
     Conditions that are only seen are left out, since the players there act as in the nominal world.
-
-    Args:
-        conditions: of one task.
-        config: what is measured.
-        output: the report, a JSON file.
-        workers: number of processes; 0 takes one per core.
 
     Raises:
         BimanualError: the file is damaged or of another measurement, or an episode could not be played.

@@ -35,15 +35,14 @@ class PolicySweep:
     """A sweep over conditions, each kept as soon as it is played.
 
     Attributes:
-        checkpoint: checkpoint of the policy.
+        checkpoint: of the policy.
         env_config: the nominal environment, of one task.
-        conditions: conditions of that task.
-        seeds: consecutive seeds, the same in all conditions.
-        batch_size: environments side by side.
-        policy_flags: settings of the policy's config over those of the checkpoint, such as `--device=cpu`.
+        conditions: of that task.
+        seeds: consecutive, the same in all conditions.
+        batch_size: see `PolicyRollout`, as of `policy_flags`.
         workers: processes for the expert and the open-loop baseline; 0 takes one per core.
         output: the result, a JSON file.
-        expert_report: robustness report of the expert on the task, if there is one.
+        expert_report: of the expert on the task under perturbations, if there is one.
     """
 
     checkpoint: Checkpoint
@@ -96,11 +95,7 @@ class PolicySweep:
         return read_earlier(RobustnessResult, self.output, self.config, self.conditions)
 
     def missing(self) -> list[ConditionKey]:
-        """Conditions that are not played yet.
-
-        Raises:
-            BimanualError: as in `played`.
-        """
+        """Conditions that are not played yet."""
         result = self.played()
         return [key for key in self.conditions if result is None or key not in result.by_key]
 

@@ -201,13 +201,7 @@ def record_name(task: str, options: EnvOptions) -> str:
 
 
 class EvaluationLog:
-    """Episodes of one task, as they end.
-
-    Args:
-        task: its name.
-        options: of the environments; `results_dir` is the folder of the record.
-        environments: number of them.
-        evaluation: who is evaluated.
+    """Episodes of one task, as they end: in the log, in a bar, and in a record in the folder `options.results_dir`.
 
     Raises:
         BimanualError: the folder of the record holds another evaluation.
@@ -231,9 +225,6 @@ class EvaluationLog:
         Returns:
             Environment -> its episode, if it has been played before, or None if it only fills up the batch. Neither is to be
             played.
-
-        Raises:
-            BimanualError: the folder of the record holds another evaluation.
         """
         settled = {} if self._kept is None else self._kept.begin(seeds)
         self._running = (self._running - seeds.keys()) | (seeds.keys() - settled.keys())
@@ -251,9 +242,6 @@ class EvaluationLog:
         Args:
             is_over: (environments,) bool.
             info: as a vector environment merges it: key -> one value per environment.
-
-        Raises:
-            UnwritableOutput: an episode cannot be kept.
         """
         for index in sorted(self._running):
             if is_over[index]:

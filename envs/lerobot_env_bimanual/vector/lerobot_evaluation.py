@@ -48,13 +48,7 @@ def evaluation_of_program() -> Evaluation:
 def evaluation_of(
     policy: PreTrainedConfig, seeds: range, rename_map: Mapping[str, str] | None = None
 ) -> Evaluation:
-    """The evaluation of a policy on seeds, the first of which is also that of its own randomness.
-
-    Args:
-        policy: its config as it was loaded, with the path of its files.
-        seeds: seeds of the episodes.
-        rename_map: names of observations that are changed for the policy.
-    """
+    """The evaluation of a policy, by its config as it was loaded, on seeds; the first is also that of its own randomness."""
     options = draccus.encode(policy)
     place = options.pop("pretrained_path", None)
     facts = json.dumps([options, dict(rename_map or {})], sort_keys=True, default=str)
