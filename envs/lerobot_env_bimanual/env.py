@@ -61,6 +61,7 @@ class BimanualEnv(gym.Env):
     Attributes:
         options: what was chosen.
         perturbations: the differences from the nominal world.
+        action_lengths: how many numbers an action may have.
         last_action: the action of the last step as float32, also if it was refused; empty if it could not be read.
         tick_observers: called in turn before every control tick, with the environment and the joint action (16,).
         step_observers: called in turn after every step of physics of the episode.
@@ -97,7 +98,7 @@ class BimanualEnv(gym.Env):
         self.tick_observers: list[TickObserver] = []
         self.step_observers: list[Callable[[], None]] = []
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
-        self.action_space = self._actions.space
+        self.action_lengths, self.action_space = self._actions.lengths, self._actions.space
         self.observation_space = observation_space(self.options)
         self.perturbations = Perturbations(self.options.perturb, spec, self.options.split)
         self._worlds = Worlds(self.task_definition, self.options, self.perturbations)
@@ -134,11 +135,6 @@ class BimanualEnv(gym.Env):
         spec = self.task_definition.spec
         canonical = spec.instructions_for(spec.variations[self._variation or 0])[0]
         return canonical if self._progress is None else self._progress.instruction
-
-    @property
-    def action_lengths(self) -> tuple[int, ...]:
-        """Numbers that an action may have."""
-        return self._actions.lengths
 
     @property
     def variation(self) -> int:

@@ -12,8 +12,6 @@ from lerobot_bimanual.cli.lerobot_program import TRUST_FLAG, run_program
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_env_bimanual.options import EnvOptions
 
-OWN_OPTIONS = {field.name for field in fields(EnvOptions)}
-
 
 def main() -> int:
     """Run `lerobot-eval` with the flags of this process; `--env.type` is `bimanual` unless it is given."""
@@ -34,11 +32,10 @@ def _check(values: Mapping[str, str]) -> None:
     if values.get("env.type") == "bimanual":
         from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
-        given = {
-            name.removeprefix("env."): value for name, value in values.items() if name.startswith("env.")
-        }
-        parse_flags(EnvOptions, [f"--{name}={value}" for name, value in given.items() if name in OWN_OPTIONS])
-        resolve_tasks(given.get("task", "push_box"))
+        options = [field.name for field in fields(EnvOptions)]
+        given = [name for name in options if f"env.{name}" in values]
+        parse_flags(EnvOptions, [f"--{name}={values[f'env.{name}']}" for name in given])
+        resolve_tasks(values.get("env.task", "push_box"))
 
 
 def _evaluate(values: Mapping[str, str]) -> None:

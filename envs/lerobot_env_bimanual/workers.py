@@ -29,7 +29,7 @@ from typing import Any, Self
 
 from tqdm import tqdm
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import worker_count
 
@@ -64,8 +64,7 @@ class WorkerPool:
     """
 
     def __init__(self, workers: int, preload: Sequence[str] = ()):
-        if workers < 0:
-            raise InvalidChoice("workers", workers, ["a number of processes", "0 for one per core"])
+        check_range("workers", workers, 0)
         os.environ.update(ONE_THREAD)
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload([__name__, *preload])

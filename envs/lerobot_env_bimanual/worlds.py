@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,6 @@ from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
-from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Task, TaskSpec
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contact_forces import ContactForces, felt
@@ -64,10 +63,7 @@ class EpisodeReset:
         Raises:
             PlacementFailure: `MAX_DRAWS` draws in vain; the message counts the reasons.
         """
-
-        def script(view: SceneView) -> Iterator[Stage]:
-            return self._task.script(view, progress.variation)
-
+        script = self._task.by_plan(progress.variation)
         reasons: Counter[str] = Counter()
         for draw in range(1, MAX_DRAWS + 1):
             self._drawn_in.reset()

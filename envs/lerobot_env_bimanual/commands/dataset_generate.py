@@ -98,7 +98,6 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
             "height": options.size[0],
             "width": options.size[1],
             "perturb": options.perturb,
-            "setting": config.setting,
             "repo_id": repo_id_of(config.repo_id, config.root),
         }
     )

@@ -9,8 +9,6 @@ from lerobot_bimanual.files import check_output_file
 from lerobot_bimanual.pages import write_page
 from lerobot_bimanual.terminal import show_next
 
-ROBUSTNESS_PAGE = "expert_robustness.md"
-
 
 @dataclass
 class ExpertReportConfig:
@@ -43,7 +41,7 @@ def expert_report(config: ExpertReportConfig) -> None:
     pages = {config.output: tasks_page(config.expert_reports)}
     if perturbed.is_dir() and config.output is not None:
         page = expert_robustness_page(read_expert_robustness(perturbed))
-        pages[config.output.with_name(ROBUSTNESS_PAGE)] = page
+        pages[config.output.with_name("expert_robustness.md")] = page
     for path, page in pages.items():
         write_page(page, path)
         if path is not None:

@@ -44,11 +44,6 @@ class HoldAfterDone(gym.Wrapper):
         self._begun = self.env.reset(**arguments)
         return self._begun
 
-    @property
-    def is_done(self) -> bool:
-        """Whether the episode is over."""
-        return self._last is not None
-
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step, or the last transition again, without its reward.
 

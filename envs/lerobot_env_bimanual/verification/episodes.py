@@ -56,9 +56,9 @@ class EpisodeVerifier:
         ticks, info = [0], {}
         for action in actions:
             unreadable = InvalidAction((episode.failure or "").removeprefix(INVALID_ACTION))
-            info = self._recorder.step(action if action.size else unreadable)[4]
+            *_, terminated, truncated, info = self._recorder.step(action if action.size else unreadable)
             ticks.append(self.env.progress.ticks)
-            if self._recorder.is_done:
+            if terminated or truncated:
                 break
         if PLAYED not in info:
             return [f"not over after its {len(actions)} actions, {ticks[-1]} ticks"]
