@@ -133,19 +133,13 @@ class TaskSpec:
         Raises:
             InvalidChoice: the task has no such variation.
         """
-        if isinstance(variation, str):
-            if variation == ANY_VARIATION:
-                return None
-            variation = int(variation) if re.fullmatch("[0-9]{1,4}", variation) else variation
-        count = len(self.variations)
-        if (
-            not isinstance(variation, int | np.integer)
-            or isinstance(variation, bool)
-            or not 0 <= variation < count
-        ):
+        text, count = str(variation), len(self.variations)
+        if text == ANY_VARIATION:
+            return None
+        if not re.fullmatch("[0-9]{1,4}", text) or int(text) >= count:
             valid = f"'any' or an integer from 0 to {count - 1}"
             raise InvalidChoice(f"variation of {self.name}", variation, valid)
-        return int(variation)
+        return int(text)
 
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""

@@ -110,14 +110,8 @@ def solved_seeds(
     """The seeds that the expert or the open-loop baseline solves in each condition, ascending.
 
     Where things are moved during an episode, the expert is the replanning one. The open-loop baseline knows the variation,
-    as a policy does from the instruction, and plays the mean keyposes of nominal training episodes.
-
-    Args:
-        evaluator: plays the episodes.
-        player: who plays.
-        conditions: in which conditions.
-        template: task, variation and split of the episodes.
-        seeds: of each condition.
+    as a policy does from the instruction, and plays the mean keyposes of nominal training episodes. The `template` has
+    task, variation and split of all of them.
 
     Raises:
         BimanualError: an episode could not be played.

@@ -41,19 +41,13 @@ type Keyposes = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True)
 class EpisodeSpec:
-    """One episode; its outcome depends on these fields alone.
+    """One episode; its outcome depends on these fields alone, of which several are options of the environment.
 
     Attributes:
-        task: name of the task.
-        variation: index, or "any".
-        split: split of the seed.
-        seed: seed of the reset.
         player: name of the player.
         discretise: voxels per axis to which an expert's keyposes are rounded; 0 leaves them exact.
         mean_keyposes: keyposes of the player `open_loop`.
         replay: how a solved episode of an expert is replayed afterwards.
-        perturb: perturbations of the world, `AXIS:LEVEL,...`.
-        setting: of the episode.
         plan: number of the plan of the player `expert`.
     """
 

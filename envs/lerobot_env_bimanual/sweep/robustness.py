@@ -32,14 +32,10 @@ from lerobot_env_bimanual.vector.evaluation import RECORDED_OPTIONS
 
 @dataclass(frozen=True)
 class PolicySweep:
-    """A sweep over conditions, each kept as soon as it is played.
+    """A sweep over conditions, each kept as soon as it is played; `PolicyRollout` says what it takes over from here.
 
     Attributes:
-        checkpoint: of the policy.
-        env_config: the nominal environment, of one task.
-        conditions: of that task.
-        seeds: consecutive, the same in all conditions.
-        batch_size: see `PolicyRollout`, as of `policy_flags`.
+        conditions: of the environment's task.
         workers: processes for the expert and the open-loop baseline; 0 takes one per core.
         output: the result, a JSON file.
         expert_report: of the expert on the task under perturbations, if there is one.

@@ -13,7 +13,6 @@ from lerobot_bimanual.dataset.schema import image_key
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import PIXELS, dataset_row
-from lerobot_env_bimanual.options import EnvOptions
 
 Keys = Literal["gymnasium", "lerobot"]
 
@@ -33,7 +32,7 @@ def make_env(
     Raises:
         BimanualError: an option is outside its choices.
     """
-    env = BimanualEnv(task, options=EnvOptions.of(**options), render_mode=render_mode)
+    env = BimanualEnv(task, render_mode=render_mode, **options)
     return _with_keys_of_datasets(env) if checked_keys(keys) == "lerobot" else env
 
 
