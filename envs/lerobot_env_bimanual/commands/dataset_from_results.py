@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import batched, chain
 from pathlib import Path
 from typing import Literal
 
@@ -74,26 +75,26 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     with plain_write_errors(config.root), new_folder(config.root.absolute().parent) as folder:
         jobs = list[Replays]()
         for record in (result.record for result in results):
-            episodes = [episode for episode in record.episodes if episode.success in wanted]
-            for start in range(0, len(episodes), EPISODES_PER_PART):
-                part = tuple(episodes[start : start + EPISODES_PER_PART])
+            episodes = (episode for episode in record.episodes if episode.success in wanted)
+            for part in batched(episodes, EPISODES_PER_PART):
                 options, place = tuple(record.options.items()), folder / f"{len(jobs):06d}"
                 how = (repo_id, views, seen.camera_names, seen.size, config.depth, perturbed)
                 jobs.append(Replays(record.task, options, part, place, *how))
         with WorkerPool(config.workers, preload=PRELOADED) as pool:
-            left_out = [*pool.map(record_replays, jobs, "replay", "part", name=lambda job: job.task)]
+            found = pool.map(record_replays, jobs, "replay", "part", name=lambda job: job.task)
+            left_out = [*chain.from_iterable(found)]
         parts = [job.folder for job in jobs if job.folder.exists()]
         if not parts:
-            reasons = "; ".join([text for texts in left_out for text in texts][:3])
-            raise BimanualError(f"{config.results} holds no episode to store ({reasons or config.outcome})")
+            reasons = "; ".join(left_out[:3]) or config.outcome
+            raise BimanualError(f"{config.results} holds no episode to store ({reasons})")
         merged = folder / "merged"
         for view in views:
             target = merged / view if len(views) > 1 else merged
             merge_datasets([part / view for part in parts], target)
             write_checksums(target)
         move_durably(merged, config.root)
-    for text in (text for texts in left_out for text in texts):
+    for text in left_out:
         print(f"left out: {text}")
-    stored = sum(len(job.episodes) for job in jobs) - sum(map(len, left_out))
+    stored = sum(len(job.episodes) for job in jobs) - len(left_out)
     print(f"{config.root}: {stored} episodes")
     show_next("lerobot-bimanual", "dataset", "verify", f"--root={config.root}")

@@ -86,15 +86,7 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
     """
     config = replace(config, perturb=checked_perturbation(config.perturb))
     tasks = resolve_tasks(config.task)
-    for task in tasks if config.variation != EACH_VARIATION else ():
-        get_task(task).spec.variation_index(config.variation)
-    for task in tasks:
-        plans, plan = get_task(task).spec.plans, 1 if config.player == "mixed" else config.plan
-        if plan not in range(len(plans)):
-            raise InvalidChoice(
-                f"plan of {task}", plan, [f"{nth} ({name})" for nth, name in enumerate(plans)]
-            )
-    _check(config)
+    _check(config, tasks)
     try:
         return _sweep(config, tasks) if config.axes else _evaluate(config, tasks)
     except KeyboardInterrupt:
@@ -102,8 +94,15 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
         raise KeyboardInterrupt(continues if config.output else "nothing is kept without --output") from None
 
 
-def _check(config: ExpertEvaluateConfig) -> None:
+def _check(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> None:
     """Refuse what is impossible, and what would change nothing although a report would claim it."""
+    plan = 1 if config.player == "mixed" else config.plan
+    for spec in (get_task(task).spec for task in tasks):
+        if config.variation != EACH_VARIATION:
+            spec.variation_index(config.variation)
+        if plan not in range(len(spec.plans)):
+            plans = [f"{nth} ({name})" for nth, name in enumerate(spec.plans)]
+            raise InvalidChoice(f"plan of {spec.name}", plan, plans)
     for name, minimum in (("first_seed", 0), ("episodes", 1), ("open_loop_episodes", 1), ("discretise", 0)):
         check_range(name, getattr(config, name), minimum)
     fixed = {"expert": (), "replanning": ("plan",)}.get(config.player, ("discretise", "replay", "plan"))
