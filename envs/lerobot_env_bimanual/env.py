@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.results.evaluation import eval_key
@@ -28,8 +28,6 @@ from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
 from lerobot_env_bimanual.worlds import MAX_DRAWS, World, Worlds
-
-GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
 
@@ -50,7 +48,8 @@ class BimanualEnv(gym.Env):
 
     An episode is determined by task, setting, split, seed, variation and perturbations, bit for bit. Construction is cheap:
     each set of props is compiled at the first reset that draws it, OpenGL starts at the first image, and both come back after `close`.
-    A copy or a pickle is another environment in the same state, without observers and videos.
+    A running environment cannot be pickled, but its `save_state()` can, and `restore_state` of another one with the same options
+    goes on from there.
 
     Args:
         task: registered task name.
@@ -310,7 +309,7 @@ class BimanualEnv(gym.Env):
         return self.progress.joined_hash(self.scene.state_hash())
 
     def save_state(self) -> tuple[Any, EpisodeProgress]:
-        """A copy of the episode, from which `restore_state` continues bit for bit."""
+        """A copy of the episode, from which `restore_state` continues bit for bit; it can be pickled."""
         return self.scene.save_state(), copy.deepcopy(self.progress)
 
     def restore_state(self, state: tuple[Any, EpisodeProgress]) -> None:
@@ -318,24 +317,8 @@ class BimanualEnv(gym.Env):
         self._progress = copy.deepcopy(state[1])
         self.scene.restore_state(state[0])
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """How copies and pickles are made: a new environment goes on from a saved state."""
-        if self._video is not None:
-            raise BimanualError("an episode that is recorded as a video cannot be copied: copy before reset")
-        saved = None if self._progress is None else self.save_state()
-        kept = {name: copy.deepcopy(vars(self)[name]) for name in GYMNASIUMS_STATE if name in vars(self)}
-        keywords = {"options": self.options, "render_mode": self.render_mode}
-        return _restored, (type(self), self.task, saved, keywords), kept
-
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
         self._finish_video()
         self._worlds.close()
         self._progress = None
-
-
-def _restored(kind: type[BimanualEnv], task: str, saved: tuple | None, keywords: dict) -> BimanualEnv:
-    env = kind(task, **keywords)
-    if saved is not None:
-        env.restore_state(saved)
-    return env

@@ -1,16 +1,12 @@
-"""An episode is determined bit for bit; resets with bad arguments, copies."""
+"""An episode is determined bit for bit."""
 
-import copy
 import hashlib
-import pickle
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.registry import AXES
 
@@ -79,28 +75,3 @@ def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):
     episodes = unseeded_episodes()
     assert len(set(episodes)) == 2
     assert unseeded_episodes() == episodes
-
-
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, copy.copy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_of_an_environment_goes_on_by_itself(duplicate, state_env):
-    state_env.reset(seed=3)
-    state_env.step(state_env.scene.commanded)
-    other = duplicate(state_env)
-    for env in (state_env, other):
-        for _ in range(3):
-            env.step(env.scene.commanded + np.float32(0.05))
-    assert other.state_hash() == state_env.state_hash()
-    state_env.step(state_env.scene.commanded)
-    assert other.progress.ticks == state_env.progress.ticks - 1
-    assert other.np_random.integers(2**31) == state_env.np_random.integers(2**31)
-    other.close()
-
-
-def test_an_episode_that_is_filmed_has_no_copy(tmp_path):
-    env = BimanualEnv(TASK, obs="state", video_dir=tmp_path)
-    env.reset(seed=0)
-    copy.deepcopy(env)
-    env.step(env.scene.commanded)
-    with pytest.raises(BimanualError, match="cannot be copied"):
-        copy.deepcopy(env)
-    env.close()
