@@ -22,8 +22,6 @@ import numpy as np
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-REST_SPEED_M_S = 0.02
-
 
 @dataclass(frozen=True)
 class Condition(ABC):
@@ -179,7 +177,7 @@ class AtRest(Condition):
     """The prop's origin hardly moves."""
 
     prop: str
-    speed_m_s: float = field(default=REST_SPEED_M_S, repr=False)
+    speed_m_s: float = field(default=0.02, repr=False)
 
     def __call__(self, view: SceneView) -> bool:
         return bool(view.speed(self.prop) <= self.speed_m_s)

@@ -61,8 +61,9 @@ class PolicyRollout:
             self._device = get_safe_torch_device(str(policy_config.device))
             set_seed(seeds.start)
             self._policy = make_policy(policy_config, env_cfg=config).eval()
-            names = {"rename_observations_processor": {"rename_map": {}}}
-            around_policy = _processors(policy_config, folder, **names)
+            around_policy = _processors(
+                policy_config, folder, rename_observations_processor={"rename_map": {}}
+            )
             around_env = make_env_pre_post_processors(env_cfg=config, policy_cfg=policy_config)
         except BimanualError:
             raise

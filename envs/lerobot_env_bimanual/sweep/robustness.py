@@ -61,11 +61,6 @@ class PolicySweep:
         """Folder of the environment's records, one file per condition, with every action of the policy."""
         return self.output.with_name(f"{self.output.stem}_records")
 
-    @property
-    def expert_log(self) -> Path:
-        """Episodes of expert and open-loop baseline, for all policies of the task with results in the same folder."""
-        return self.output.with_name(f"{self.task}_experts.jsonl")
-
     @cached_property
     def config(self) -> RobustnessConfig:
         """What is measured."""
@@ -118,7 +113,9 @@ class PolicySweep:
         )
         template = EpisodeSpec(self.task, str(self.env_config.variation), self.env_config.split, 0, "expert")
         keys = dict.fromkeys(map(self.conditions.played_as, missing))
-        with Evaluator(self.workers, EpisodeLog(self.expert_log)) as evaluator:
+        # For all policies of the task with results in the same folder.
+        log = EpisodeLog(self.output.with_name(f"{self.task}_experts.jsonl"))
+        with Evaluator(self.workers, log) as evaluator:
             expert = solved_seeds(evaluator, "expert", keys, template, self.seeds)
             open_loop = solved_seeds(evaluator, "open_loop", keys, template, self.seeds)
         with tqdm(total=len(missing) * len(self.seeds), unit="episode", smoothing=0) as bar:

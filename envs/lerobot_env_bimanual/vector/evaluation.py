@@ -268,7 +268,10 @@ class EvaluationLog:
         kept = "" if self._kept is None else self._kept.finish()
         if not episodes:
             return
-        failures = Counter(_reason(episode) for episode in episodes if not episode.success)
+        # Without their details, so that equal ones can be counted.
+        failures = Counter(
+            ":".join(str(each.failure).split(":")[:2]) for each in episodes if not each.success
+        )
         reasons = ", ".join(f"{count} x {reason}" for reason, count in failures.most_common(MAX_REASONS))
         solved = sum(episode.success for episode in episodes)
         videos = "--env.video_dir=FOLDER writes a video of every episode"
@@ -288,8 +291,3 @@ def _episode(info: Mapping[str, Any], index: int) -> Episode:
     failure = None if success else str(info["failure"][index] or OUT_OF_TIME)
     seed, ticks = (int(info[name][index]) for name in ("seed", "ticks"))
     return Episode(seed=seed, success=success, failure=failure, ticks=ticks)
-
-
-def _reason(episode: Episode) -> str:
-    """A failure without its details, so that equal ones can be counted."""
-    return ":".join((episode.failure or "").split(":")[:2])

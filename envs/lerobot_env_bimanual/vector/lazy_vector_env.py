@@ -2,10 +2,6 @@
 
 LeRobot has such a vector environment, but importing it costs every worker process about eight seconds for
 LeRobot and torch. This module and all that a worker needs import neither.
-
-An action that cannot be executed, such as a NaN, ends the episode of its own environment as a failure; the others go on.
-Actions all of whose lengths are wrong are an error before any steps.
-A worker process that dies is one clear error, after which the next reset starts all environments anew.
 """
 
 from __future__ import annotations
@@ -82,14 +78,12 @@ class _InWorker(gym.Wrapper):
             raise CarriedError(told(error)) from error
 
 
-def _make_held(make_env: Callable[[], BimanualEnv], recorded: bool) -> gym.Env:
+def _make(make_env: Callable[[], BimanualEnv], recorded: bool, in_worker: bool) -> gym.Env:
+    if in_worker:
+        end_with_parent()
     env = make_env()
-    return HoldAfterDone(EpisodeRecorder(env) if recorded else env)
-
-
-def _make_in_worker(make_env: Callable[[], BimanualEnv], recorded: bool) -> gym.Env:
-    end_with_parent()
-    return _InWorker(_make_held(make_env, recorded))
+    held = HoldAfterDone(EpisodeRecorder(env) if recorded else env)
+    return _InWorker(held) if in_worker else held
 
 
 @contextlib.contextmanager
@@ -140,8 +134,8 @@ class LazyVectorEnv(VectorEnv):
         evaluation: Evaluation | None = None,
         results_dir: str | None = None,
     ):
-        make = _make_in_worker if asynchronous else _make_held
-        self._make_envs = [partial(make, make_env, results_dir is not None) for make_env in make_envs]
+        recorded = results_dir is not None
+        self._make_envs = [partial(_make, make_env, recorded, asynchronous) for make_env in make_envs]
         self._asynchronous = asynchronous
         self._running: SyncVectorEnv | AsyncVectorEnv | None = None
         self._lock = threading.Lock()
