@@ -36,7 +36,6 @@ from lerobot_bimanual.resources import worker_count
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
-
 DEATH = (
     "its worker process died, also when it was tried alone, most likely killed for want of memory: repeat the command, "
     "perhaps with fewer --workers"

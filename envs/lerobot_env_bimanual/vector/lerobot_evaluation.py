@@ -13,8 +13,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import draccus
+import safetensors.torch
 from lerobot.configs import PreTrainedConfig, parser
 from lerobot.configs.eval import EvalPipelineConfig
+from lerobot.utils.random_utils import deserialize_rng_state, serialize_rng_state
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import sha256
@@ -74,14 +76,8 @@ def _command_line(config: EvalPipelineConfig) -> EvalPipelineConfig:
 
 
 def _random_state() -> str:
-    import safetensors.torch
-    from lerobot.utils.random_utils import serialize_rng_state
-
     return base64.b64encode(safetensors.torch.save(serialize_rng_state())).decode()
 
 
 def _set_random_state(text: str) -> None:
-    import safetensors.torch
-    from lerobot.utils.random_utils import deserialize_rng_state
-
     deserialize_rng_state(safetensors.torch.load(base64.b64decode(text)))
