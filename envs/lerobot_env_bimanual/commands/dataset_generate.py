@@ -104,12 +104,7 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
 
 
 def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -> None:
-    """Make a dataset, or go on with one that was begun, unless it is complete; says what it took.
-
-    Args:
-        settings: what the dataset holds.
-        root: where it will be.
-        executor: records the shards.
+    """Make a dataset in the folder `root`, or go on with one that was begun, unless it is complete; says what it took.
 
     Raises:
         BimanualError: the place is taken, damaged or cannot be written, or something cannot be recorded.

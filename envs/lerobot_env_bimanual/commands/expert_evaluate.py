@@ -209,12 +209,7 @@ def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
         print(f"{task}: {count - len(invalid)} of {count} conditions are valid")
         for condition in invalid:
             print(f"  not valid: {condition.name}, expert {report.rates(condition)['expert']}")
-    show_next(
-        "lerobot-bimanual",
-        "policy",
-        "robustness",
-        f"--task={tasks[0]}",
-        f"--expert_reports={config.output}",
-        "--checkpoint=results/checkpoints/peract2_on_all",
-    )
+    checkpoint = "--checkpoint=results/checkpoints/peract2_on_all"
+    flags = (f"--task={tasks[0]}", f"--expert_reports={config.output}", checkpoint)
+    show_next("lerobot-bimanual", "policy", "robustness", *flags)
     return 0
