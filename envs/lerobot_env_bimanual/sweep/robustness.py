@@ -32,7 +32,7 @@ from lerobot_env_bimanual.vector.evaluation import RECORDED_OPTIONS
 
 @dataclass(frozen=True)
 class PolicySweep:
-    """A sweep over conditions, each kept as soon as it is played; `PolicyRollout` says what it takes over from here.
+    """A sweep over conditions, each kept as soon as it is played; the fields that `PolicyRollout` takes, too, are explained there.
 
     Attributes:
         conditions: of the environment's task.
