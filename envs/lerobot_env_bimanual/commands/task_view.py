@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from lerobot_bimanual.errors import check_range
 from lerobot_bimanual.files import check_output_folder
@@ -63,7 +63,8 @@ def task_view(config: TaskViewConfig) -> None:
     # A policy sees what its checkpoint names; an expert needs no images.
     seen = {"obs": "state"} if config.checkpoint is None else Checkpoint.read(config.checkpoint).options
     chosen = {name: getattr(config, name) for name in ("variation", "split", "setting", "perturb")}
-    env = BimanualEnv(config.task, render_quality=config.quality, **chosen, **seen)
+    options: dict[str, Any] = {"render_quality": config.quality, **chosen, **seen}
+    env = BimanualEnv(config.task, **options)
     players = {"expert": expert_of(env)}
     if config.checkpoint is not None:
         if not config.trust_checkpoint:

@@ -45,9 +45,10 @@ def checked_keys(keys: Any) -> Keys:
 
 def _with_keys_of_datasets(env: BimanualEnv) -> gym.Env:
     """An environment whose observations are rows of a `LeRobotDataset`."""
-    space = dict[str, Any](env.observation_space)
-    pixels = dict[str, Any](space.pop(PIXELS, {}))
-    images = {
+    found: Any = env.observation_space
+    space: dict[str, Any] = {**found}
+    pixels = space.pop(PIXELS, {})
+    images: dict[str, Any] = {
         image_key(camera): spaces.Box(0, 1, (3, *box.shape[:2]), np.float32) for camera, box in pixels.items()
     }
     return TransformObservation(env, dataset_row, spaces.Dict(images | dataset_row(space)))
