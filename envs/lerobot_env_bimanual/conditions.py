@@ -295,7 +295,6 @@ class Once(OnTheWay):
         return all(part(view) for part in self.parts)
 
     def after(self, so_far: bool | None, view: SceneView) -> bool:
-        """Look only as long as it was not met."""
         return bool(so_far) or self(view)
 
 
@@ -309,5 +308,4 @@ class Always(OnTheWay):
         return any(part(view) for part in self.parts)
 
     def after(self, so_far: bool | None, view: SceneView) -> bool:
-        """Look only as long as it was met."""
         return so_far is not False and self(view)

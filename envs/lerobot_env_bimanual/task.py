@@ -167,11 +167,7 @@ class PlacementArea:
 
 
 class Task(ABC):
-    """One of the benchmark's tasks: its specification, its placement and its expert.
-
-    Attributes:
-        spec: the task as data.
-    """
+    """One of the benchmark's tasks: its specification, its placement and its expert."""
 
     spec: ClassVar[TaskSpec]
 

@@ -76,7 +76,6 @@ class WorkerPool:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the processes."""
         self._end()
 
     def map[Item, Result](
