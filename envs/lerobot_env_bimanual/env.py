@@ -301,8 +301,8 @@ class BimanualEnv(gym.Env):
     def _finish_video(self) -> None:
         if self._video is not None:
             ended = "failure" if self.progress.terminated or self._truncated else "unfinished"
-            self._video.close("success" if self.progress.succeeded else ended)
-            self._video = None
+            video, self._video = self._video, None  # a video that cannot be finished is not tried again
+            video.close("success" if self.progress.succeeded else ended)
 
     def state_hash(self) -> str:
         """SHA-256 of everything that decides how the episode goes on."""
