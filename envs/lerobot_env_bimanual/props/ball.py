@@ -47,19 +47,11 @@ class Ball:
         texture.data = beach_ball_texture().tobytes()
         material = spec.add_material(name=self.name, specular=0.3, shininess=0.4)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = self.name
-        add_sphere(
-            add_free_body(spec, self.name),
-            (0, 0, 0),
-            self.radius_m,
-            name=self.name,
-            mass=self.mass_kg,
-            material=self.name,
-            friction=(self.friction, 0.01, 0.001),
-            condim=4,
-            solref=(0.008, 1),
-            solimp=(0.9, 0.95, 0.002, 0.5, 2),
-            priority=2,
-        )
+        body = add_free_body(spec, self.name)
+        contact = {"friction": (self.friction, 0.01, 0.001), "condim": 4, "priority": 2}
+        spring = {"solref": (0.008, 1), "solimp": (0.9, 0.95, 0.002, 0.5, 2)}
+        ball = {"name": self.name, "mass": self.mass_kg, "material": self.name}
+        add_sphere(body, (0, 0, 0), self.radius_m, **ball, **contact, **spring)
 
 
 def beach_ball_texture() -> NDArray[np.uint8]:

@@ -35,16 +35,8 @@ class Box:
         """Write the parcel, its tape and label, and its contact with the table."""
         half = np.array(self.size_m) / 2
         body = add_free_body(spec, self.name)
-        add_box(
-            body,
-            (0, 0, 0),
-            half,
-            name=self.name,
-            mass=self.mass_kg,
-            rgba=CARDBOARD,
-            friction=(0.5, 0.005, 0.0001),
-            solref=(0.01, 1),
-        )
+        felt = {"mass": self.mass_kg, "friction": (0.5, 0.005, 0.0001), "solref": (0.01, 1)}
+        add_box(body, (0, 0, 0), half, name=self.name, rgba=CARDBOARD, **felt)
         # Of two geoms the larger friction counts, and the table's is 0.5: only an explicit pair can be lower.
         spec.add_pair(
             geomname1="table",

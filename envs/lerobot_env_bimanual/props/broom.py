@@ -88,20 +88,12 @@ class Broom:
 
     def _add_feet(self, body) -> None:
         half_x, half_y, _ = HEAD_HALF_M
+        # Without friction (condim 1): with the table's the broom trails behind the hand.
+        contact = {"condim": 1, "priority": 2, "solref": (-FOOT_STIFFNESS, -FOOT_DAMPING)}
+        gliding = {"contype": prop.TABLE_ONLY, "conaffinity": 0, **contact, **prop.UNSEEN}
         for side in (-1, 1):
             x, y, z = side * (half_x - FOOT_RADIUS_M), half_y - FOOT_RADIUS_M, FOOT_RADIUS_M
-            prop.add_capsule(
-                body,
-                (x, -y, z, x, y, z),
-                FOOT_RADIUS_M,
-                mass=FOOT_MASS_KG,
-                condim=1,  # without friction; with the table's the broom trails behind the hand
-                priority=2,
-                solref=(-FOOT_STIFFNESS, -FOOT_DAMPING),
-                contype=prop.TABLE_ONLY,
-                conaffinity=0,
-                **prop.UNSEEN,
-            )
+            prop.add_capsule(body, (x, -y, z, x, y, z), FOOT_RADIUS_M, mass=FOOT_MASS_KG, **gliding)
 
     def _add_tufts(self, body) -> None:
         """Straw in two shades, spread a little like a fan, and the wings."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
 from lerobot_env_bimanual.props.prop import (
+    ON_RUBBER,
     SLIDE,
     UNSEEN,
     add_box,
@@ -54,8 +55,6 @@ FRONT_GAP_M = 0.001
 HANDLE_STAND_OFF_M = 0.040
 """Between bar and front: room for two fingers."""
 POST_RADIUS_M = 0.005
-RUBBER = {"stiffness": 1000.0, "damping": 20.0, "armature": 0.5}
-"""Under a handle that gives, in N/m, N s/m and kg; added inertia keeps fingers from sinking into it."""
 FIRM = (0.004, 1.0)
 """Contact of the boards: as hard as the step of physics allows, or a dropped block would sink through the floor."""
 PART_MASSES_KG = {"front": 0.12, "floor": 0.08, "wall": 0.04, "bar": 0.03, "post": 0.01}
@@ -69,7 +68,7 @@ class DrawerCabinet:
         name: body; also the prefix of the drawers' bodies (`..._top`) and slides (`..._top_slide`).
         handle_half_length_m: of the straight part of a drawer's bar.
         handle_radius_m: of that bar.
-        handle_gives_m: how far it gives to both sides, on rubber; a hand beside it would strain its wrist.
+        handle_gives_m: how far it gives to both sides, on rubber.
         longer_legs_m: by how much the legs go on below the frame, so that the cabinet can be placed higher.
     """
 
@@ -157,7 +156,7 @@ class DrawerCabinet:
         if gives_m:
             rubber = f"{drawer.name}_rubber"
             drawer = drawer.add_body(name=f"{drawer.name}_handle")
-            add_joint(drawer, SLIDE, rubber, (1, 0, 0), (-gives_m, gives_m), **RUBBER)
+            add_joint(drawer, SLIDE, rubber, (1, 0, 0), (-gives_m, gives_m), **ON_RUBBER)
         bar = (-x, y, 0, x, y, 0)
         add_capsule(drawer, bar, self.handle_radius_m, mass=PART_MASSES_KG["bar"], rgba=METAL)
         for side in (-x, x):

@@ -83,32 +83,18 @@ class Dustpan:
         half_y, half_z = LIP_HALF_M[1:]
         along, up = np.cos(LIP_SLOPE_RAD), np.sin(LIP_SLOPE_RAD)
         y = FLOOR_Y_M + FLOOR_HALF_M[1] + half_y * along
-        prop.add_box(
-            body,
-            (0, y, LIP_CREST_M - half_y * up - half_z * along),
-            LIP_HALF_M,
-            quat=(np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0),
-            mass=LIP_MASS_KG,
-            rgba=BLUE,
-            contype=prop.DIRT_ONLY,
-            conaffinity=0,
-        )
+        place = (0, y, LIP_CREST_M - half_y * up - half_z * along)
+        turned = (np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0)
+        felt = {"mass": LIP_MASS_KG, "contype": prop.DIRT_ONLY, "conaffinity": 0}
+        prop.add_box(body, place, LIP_HALF_M, quat=turned, rgba=BLUE, **felt)
 
     def _add_gliders(self, body) -> None:
         """Add round feet under the floor: four points of contact, which are computed quickly."""
+        contact = {"friction": (GLIDER_FRICTION, 0.005, 0.0001), "priority": 1}
+        gliding = {"contype": prop.TABLE_ONLY, "conaffinity": 0, **contact, **prop.UNSEEN}
         for side_x, side_y in product((-1, 1), repeat=2):
             x, y = side_x * 0.9 * FLOOR_HALF_M[0], FLOOR_Y_M + side_y * 0.9 * FLOOR_HALF_M[1]
-            prop.add_sphere(
-                body,
-                (x, y, GLIDER_RADIUS_M),
-                GLIDER_RADIUS_M,
-                mass=GLIDER_MASS_KG,
-                friction=(GLIDER_FRICTION, 0.005, 0.0001),
-                priority=1,
-                contype=prop.TABLE_ONLY,
-                conaffinity=0,
-                **prop.UNSEEN,
-            )
+            prop.add_sphere(body, (x, y, GLIDER_RADIUS_M), GLIDER_RADIUS_M, mass=GLIDER_MASS_KG, **gliding)
 
     def _add_handle(self, body) -> None:
         """A capsule: of contacts between a cylinder and a finger some are lost now and then, and the pan jerks."""
@@ -142,18 +128,11 @@ class Crumb:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the ball."""
-        prop.add_sphere(
-            prop.add_free_body(spec, self.name),
-            (0, 0, 0),
-            self.radius_m,
-            mass=self.mass_kg,
-            rgba=EARTH,
-            friction=(SLIDING_FRICTION, 0.005, ROLLING_FRICTION_M),
-            condim=6,
-            solref=(0.004, 1),
-            contype=prop.COMMON_LAYER,
-            conaffinity=prop.COMMON_LAYER | prop.DIRT_ONLY,
-        )
+        body = prop.add_free_body(spec, self.name)
+        friction = (SLIDING_FRICTION, 0.005, ROLLING_FRICTION_M)
+        contact = {"friction": friction, "condim": 6, "solref": (0.004, 1)}
+        layers = {"contype": prop.COMMON_LAYER, "conaffinity": prop.COMMON_LAYER | prop.DIRT_ONLY}
+        prop.add_sphere(body, (0, 0, 0), self.radius_m, mass=self.mass_kg, rgba=EARTH, **contact, **layers)
 
 
 def scattered(

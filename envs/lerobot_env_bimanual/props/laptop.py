@@ -73,17 +73,8 @@ class Laptop:
 
     def _add_solid(self, body, position, half, mass: float) -> None:
         """What is felt: a plain box."""
-        prop.add_box(
-            body,
-            position,
-            half,
-            mass=mass,
-            friction=(self.friction, 0.005, 0.0001),
-            condim=4,
-            solref=(0.005, 1),
-            priority=1,
-            **prop.UNSEEN,
-        )
+        contact = {"friction": (self.friction, 0.005, 0.0001), "condim": 4, "solref": (0.005, 1)}
+        prop.add_box(body, position, half, mass=mass, priority=1, **contact, **prop.UNSEEN)
 
     def _decorate_base(self, body, half) -> None:
         """Keyboard and touch pad under the lid, the dark seam below it, sockets at the sides."""
@@ -130,16 +121,8 @@ class Riser:
         """Write the block, and a light board around its top and a dark joint above its foot for the eye."""
         x, y, z = np.array(self.size_m) / 2
         body = prop.add_free_body(spec, self.name)
-        prop.add_box(
-            body,
-            (0, 0, 0),
-            (x, y, z),
-            name=self.name,
-            mass=self.mass_kg,
-            rgba=WALNUT,
-            friction=(self.friction, 0.005, 0.0001),
-            solref=(0.005, 1),
-        )
+        felt = {"mass": self.mass_kg, "friction": (self.friction, 0.005, 0.0001), "solref": (0.005, 1)}
+        prop.add_box(body, (0, 0, 0), (x, y, z), name=self.name, rgba=WALNUT, **felt)
         for middle_z, half_z, rgba in (
             (z - TOP_BOARD_HALF_HEIGHT_M + PROUD_M / 10, TOP_BOARD_HALF_HEIGHT_M, OAK),
             (-z + PLINTH_HALF_HEIGHT_M, PLINTH_HALF_HEIGHT_M, SHADOW),

@@ -43,10 +43,8 @@ HANDLE_Z_M = 0.2935
 HANDLE_STAND_OFF_M = 0.05
 """Between bar and door: room for two fingers."""
 POST_RADIUS_M = 0.008
-BAR_GIVES_M, BAR_STIFFNESS_N_M, BAR_DAMPING_N_S_M = 0.012, 1000.0, 20.0
+BAR_GIVES_M = 0.012
 """The bar sits on rubber and gives along the door: beside its arc a hand would pull with 100 N."""
-BAR_INERTIA_KG = 0.5
-"""Added to the bar's: fingers sink into lighter things."""
 SHORT_BAR_M = 0.06
 """Up to which length a bar has one post, in the middle, instead of two at its ends."""
 
@@ -171,15 +169,8 @@ class Oven:
 
     def _add_handle(self, door) -> None:
         handle = door.add_body(name=f"{self.name}_bar")
-        handle.add_joint(
-            name=f"{self.name}_rubber",
-            type=mujoco.mjtJoint.mjJNT_SLIDE,
-            axis=(0, 0, 1),
-            range=(-BAR_GIVES_M, BAR_GIVES_M),
-            stiffness=BAR_STIFFNESS_N_M,
-            damping=BAR_DAMPING_N_S_M,
-            armature=BAR_INERTIA_KG,
-        )
+        travel_m = (-BAR_GIVES_M, BAR_GIVES_M)
+        prop.add_joint(handle, prop.SLIDE, f"{self.name}_rubber", (0, 0, 1), travel_m, **prop.ON_RUBBER)
         right, left = self.handle_y_m
         x, z = -DOOR_HALF_M[0] - HANDLE_STAND_OFF_M, HANDLE_Z_M
         metal = {"friction": (1.0, 0.01, 0.0001), "rgba": METAL}

@@ -1,6 +1,5 @@
 """A springy rope with knotted ends that lies in the shape of an S."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +7,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import add_capsule
+from lerobot_env_bimanual.props.prop import HINGE, add_capsule
 
 TAIL = (0.15, 0.30, 0.85, 1.0)
 HEAD = (0.90, 0.10, 0.08, 1.0)
@@ -76,8 +75,9 @@ class Rope:
         self._add_capsule(body, 0)
         for index, turn_rad in enumerate(np.diff(self._headings), start=1):
             body = self._add_link(body, index, turn_rad)
-        for first, second in self._next_but_one():
-            spec.add_exclude(bodyname1=first, bodyname2=second)
+        # Caps of next but one links overlap when the rope bends; direct neighbours never collide anyway.
+        for index in range(self.links - 2):
+            spec.add_exclude(bodyname1=self._link(index), bodyname2=self._link(index + 2))
 
     def _add_link(self, parent, index: int, turn_rad: float):
         half = self.pitch_m / 2
@@ -86,42 +86,25 @@ class Rope:
             pos=(half + half * np.cos(turn_rad), half * np.sin(turn_rad), 0),
             quat=quat_wxyz_from_axis_angle((0, 0, 1), turn_rad),
         )
+        spring = {"stiffness": STIFFNESS_NM, "damping": DAMPING_NM_S, "armature": JOINT_ARMATURE}
         for axis in ((0, 0, 1), (0, 1, 0)):
-            body.add_joint(
-                type=mujoco.mjtJoint.mjJNT_HINGE,
-                pos=(-half, 0, 0),
-                axis=axis,
-                stiffness=STIFFNESS_NM,
-                damping=DAMPING_NM_S,
-                armature=JOINT_ARMATURE,
-            )
+            body.add_joint(type=HINGE, pos=(-half, 0, 0), axis=axis, **spring)
         self._add_capsule(body, index)
         return body
 
     def _add_capsule(self, body, index: int) -> None:
         is_end = index in (0, self.links - 1)
         half = KNOT_HALF_LENGTH_M if is_end else self.pitch_m / 2 - GAP_M
-        add_capsule(
-            body,
-            (-half, 0, 0, half, 0, 0),
-            self.knot_radius_m if is_end else self.radius_m,
-            mass=self.link_mass_kg,
-            rgba={0: TAIL, self.links - 1: HEAD}.get(index, STRANDS[index % 2]),
-            friction=(self.friction, 0.01, 0.001),
-            condim=4,
-            solref=(0.006, 1),
-        )
+        radius = self.knot_radius_m if is_end else self.radius_m
+        rgba = {0: TAIL, self.links - 1: HEAD}.get(index, STRANDS[index % 2])
+        contact = {"friction": (self.friction, 0.01, 0.001), "condim": 4, "solref": (0.006, 1)}
+        add_capsule(body, (-half, 0, 0, half, 0, 0), radius, mass=self.link_mass_kg, rgba=rgba, **contact)
 
     @property
     def _headings(self) -> NDArray[np.float64]:
         """(links,) of the links, from the line that leads from the tail to the head."""
         between = BEND_RAD * np.cos(2 * np.pi * (np.arange(self.links - 1) + 0.5) / (self.links - 1))
         return np.concatenate([between[:1], (between[1:] + between[:-1]) / 2, between[-1:]])
-
-    def _next_but_one(self) -> Iterator[tuple[str, str]]:
-        """Links whose caps overlap when the rope bends; direct neighbours never collide anyway."""
-        for index in range(self.links - 2):
-            yield self._link(index), self._link(index + 2)
 
     def _link(self, index: int) -> str:
         return f"{self.name}_{index}" if index else self.name
