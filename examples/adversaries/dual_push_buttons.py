@@ -1,12 +1,11 @@
 """Push both buttons, alone: fingertips on one, and hand and forearm laid down on the other."""
 
 from collections.abc import Iterator
-from functools import partial
-from itertools import product
 
 import numpy as np
 
 from adversaries.hand import Hand, Moves
+from adversaries.ways import Way, every_choice
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -17,10 +16,10 @@ HOVER_M, PRESS_M = 0.12, 0.028
 """Heights of the fingertips above the table."""
 
 
-def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Fingertips on either button, the hand pitched up more or less, rolled, and in several postures of the arm."""
-    for pitch_deg, far, roll, which in product((8.0, 15.0), (LEFT, RIGHT), (1, -1), (0, 1)):
-        yield partial(_alone, arm=arm, far=far, pitch_rad=np.deg2rad(pitch_deg), roll=roll, which=which)
+    hand = {"pitch_rad": np.deg2rad((8.0, 15.0)), "far": (LEFT, RIGHT), "roll": (1, -1)}
+    return every_choice(_alone, arm=[arm], **hand, which=(0, 1))
 
 
 def _alone(env: BimanualEnv, arm: Arm, far: str, pitch_rad: float, roll: int, which: int) -> Moves:

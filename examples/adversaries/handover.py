@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from adversaries.hand import Moves
+from adversaries.ways import Way
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -21,7 +22,7 @@ MIDDLE_XY_M = (0.27, 0.0)
 WAIT_M = (0.45, -0.15, TABLE_HEIGHT_M + 0.25)
 
 
-def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """One way, whichever arm is asked for: both take part, but never together."""
     yield _put_down
 

@@ -1,12 +1,11 @@
 """Lift the ball, alone: push it against the other arm's base, and roll it up there as high as it goes."""
 
 from collections.abc import Iterator
-from functools import partial
-from itertools import product
 
 import numpy as np
 
 from adversaries.hand import Hand, Moves
+from adversaries.ways import Way, every_choice
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -15,10 +14,9 @@ from lerobot_env_bimanual.tasks.lift_ball import BALL
 GAP_M = 0.05
 
 
-def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Pressed by so much at so low a point of the ball, and raised slowly or quickly."""
-    for press_m, low_m, speed_m_s in product((0.03, 0.08), (0.0, -0.06), (0.2, 0.6)):
-        yield partial(_alone, arm=arm, press_m=press_m, low_m=low_m, speed_m_s=speed_m_s)
+    return every_choice(_alone, arm=[arm], press_m=(0.03, 0.08), low_m=(0.0, -0.06), speed_m_s=(0.2, 0.6))
 
 
 def _alone(env: BimanualEnv, arm: Arm, press_m: float, low_m: float, speed_m_s: float) -> Moves:

@@ -1,12 +1,10 @@
 """Pick up the laptop, alone: push it over the holder's edge, go round, take the edge."""
 
 from collections.abc import Iterator
-from functools import partial
-from itertools import product
 
 import numpy as np
 
-from adversaries.ways import Way, alone, rehearsed
+from adversaries.ways import Way, alone, every_choice, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -26,10 +24,9 @@ LIFT_M = 0.08
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Over any of the four edges, pushed by a hand of either roll, gripped at either roll and several tilts."""
-    chosen = product(np.deg2rad((10.0, 30.0)), range(4), (1, -1), (1, -1))
-    names = ("tilt_rad", "quarter", "roll", "side")
-    scripts = (partial(_over_the_edge, arm=arm, **dict(zip(names, each, strict=True))) for each in chosen)
-    return rehearsed(env, scripts)
+    either, tilts_rad = (1, -1), np.deg2rad((10.0, 30.0))
+    chosen = {"tilt_rad": tilts_rad, "quarter": range(4), "roll": either, "side": either}
+    return rehearsed(env, every_choice(_over_the_edge, arm=[arm], **chosen))
 
 
 def _over_the_edge(

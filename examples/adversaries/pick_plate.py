@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
 from adversaries.hand import Hand, Moves
+from adversaries.ways import Way, every_choice
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -21,10 +21,9 @@ FINGER_M = 0.0125
 PUSH_Z_M = TABLE_HEIGHT_M + 0.012
 
 
-def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The pushing hand may be rolled either way round."""
-    for roll in (1, -1):
-        yield partial(_alone, arm=arm, roll=roll)
+    return every_choice(_alone, arm=[arm], roll=(1, -1))
 
 
 def _alone(env: BimanualEnv, arm: Arm, roll: int) -> Moves:

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from adversaries.hand import Hand, Moves
+from adversaries.ways import Way
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -23,16 +24,10 @@ NEAR_M = 0.03
 STALLED_M_S, STALLED_TICKS = 0.02, 6
 
 
-def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The box turns far, or as little as is allowed; or it is struck again and again near its middle."""
-    for swing_deg, ends_m in (
-        (22, WIDE_M),
-        (22, EVEN_M),
-        (30, WIDE_M),
-        (7, WIDE_M),
-        (7, EVEN_M),
-        (5, MIDDLE_M),
-    ):
+    far, little = ((22, WIDE_M), (22, EVEN_M), (30, WIDE_M)), ((7, WIDE_M), (7, EVEN_M), (5, MIDDLE_M))
+    for swing_deg, ends_m in far + little:
         yield partial(_alone, arm=arm, ends_m=ends_m, swing_deg=swing_deg)
 
 

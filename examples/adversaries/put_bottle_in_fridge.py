@@ -2,12 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from functools import partial
-from itertools import product
 
 import numpy as np
 
 from adversaries.hand import Hand, Moves
+from adversaries.ways import Way, every_choice
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -23,10 +22,9 @@ HOOK_DEEP_M = 0.02
 OPEN_DEG = 80.0
 
 
-def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """By the door's free edge below the bar, dragged nearer or further, or by friction on the bar's side."""
-    for press_m, out_m, height_m in product((0.045, 0.06), (0.12, 0.15), (0.40, 0.38)):
-        yield partial(_alone, arm=arm, press_m=press_m, out_m=out_m, height_m=height_m)
+    return every_choice(_alone, arm=[arm], press_m=(0.045, 0.06), out_m=(0.12, 0.15), height_m=(0.40, 0.38))
 
 
 def _alone(env: BimanualEnv, arm: Arm, press_m: float, out_m: float, height_m: float) -> Moves:

@@ -1,13 +1,12 @@
 """Put the item in the drawer, alone: open it, then fetch the item."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import product
 
 import numpy as np
 
-from adversaries.ways import Way, alone, rehearsed
+from adversaries.ways import Way, alone, every_choice, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -23,43 +22,26 @@ ITEM_PITCHES_RAD = np.deg2rad((90.0, 60.0))
 """Of the hand below the horizontal; a tilted one reaches further."""
 
 
-@dataclass(frozen=True)
-class Grip:
-    """Directions of a hand that takes the item by two of its sides."""
-
-    approach: np.ndarray
-    opening: np.ndarray
-
-    def at(self, position) -> Pose:
-        """The hand with its tool centre point at a position (3,)."""
-        return Pose.looking(position, self.approach, self.opening)
+type Grip = Callable[[np.ndarray], Pose]
+"""A hand that takes the item by two of its sides, by the position (3,) of its tool centre point."""
 
 
 def grips(item: Pose, base_m: np.ndarray) -> Iterator[Grip]:
-    """All grips of the item by its upright sides, steep ones first; then, to reach further, straight away from the arm.
-
-    Args:
-        item: its pose; its sides lie along its x and y axes.
-        base_m: (3,) where the arm stands.
-    """
+    """All grips of the item by its upright sides, steep ones first; then, to reach further, straight away from the arm's base."""
     across, along = item.rotation[:, 0], item.rotation[:, 1]
     away = (item.position - base_m) * (1, 1, 0)
     turned = product(ITEM_PITCHES_RAD, [across, along, -across, -along])
     for pitch, heading in (*turned, *product(ITEM_PITCHES_RAD, [away / np.linalg.norm(away)])):
         approach = np.cos(pitch) * heading - (0, 0, np.sin(pitch))
-        yield Grip(approach, np.cross((0, 0, 1), heading))
+        yield partial(Pose.looking, approach=approach, opening=np.cross((0, 0, 1), heading))
 
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The hand on the bar may be rolled and pitched, and on the item turned and pitched, as the arm likes it best."""
     item, base_m = env.scene.pose(ITEM.name), env.scene.arm_pair.base_pose(arm).position
     level = env.progress.variation.words["level"]
-    scripts = (
-        partial(_in_turn, arm=arm, level=level, straight=straight, pitch_rad=pitch_rad, side=side, grip=grip)
-        for straight, pitch_rad, side, grip in product(
-            (True, False), BAR_PITCHES_RAD, (1, -1), grips(item, base_m)
-        )
-    )
+    of_bar = {"straight": (True, False), "pitch_rad": BAR_PITCHES_RAD, "side": (1, -1)}
+    scripts = every_choice(_in_turn, arm=[arm], level=[level], **of_bar, grip=grips(item, base_m))
     return rehearsed(env, scripts)
 
 
@@ -78,15 +60,15 @@ def _in_turn(
     yield alone(arm, "pull", pulled, is_open=True)
     away = pulled.advanced(-AWAY_M)
     yield alone(arm, "withdraw", away)
-    grasp = grip.at(scene.pose(ITEM.name).position)
+    grasp = grip(scene.pose(ITEM.name).position)
     if straight:
         yield alone(arm, "up", away.translated((0, 0, ABOVE_Z_M - away.position[2])))
     yield alone(arm, "before the item", grasp.advanced(-0.06), planned=not straight)
     yield alone(arm, "grasp", grasp, is_open=False, holds=ITEM.name)
     yield alone(arm, "lift", grasp.translated(0.06 * up))
     x, y, _ = cabinet.apply((0.0, CABINET.handle(level)[1] + PULL_M - 0.12, 0.0))
-    over = grip.at((x, y, grasp.position[2] + 0.06))
-    drop = grip.at((x, y, handle[2] + DROP_ABOVE_HANDLE_M[level]))
+    over = grip((x, y, grasp.position[2] + 0.06))
+    drop = grip((x, y, handle[2] + DROP_ABOVE_HANDLE_M[level]))
     yield alone(arm, "over the drawer", over)
     yield alone(arm, "drop", drop, is_open=True)
     yield alone(arm, "leave", over)

@@ -1,12 +1,11 @@
 """Straighten the rope, alone: drag one end beyond its plate, then the other end to its own, so that the first follows."""
 
 from collections.abc import Iterator
-from functools import partial
-from itertools import product
 
 import numpy as np
 
 from adversaries.hand import Hand, Moves
+from adversaries.ways import Way, every_choice
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -16,29 +15,15 @@ END_SHARE = 0.07
 """By how much of the plates' distance an end's middle of its plate is passed, so that the rope is pulled tight."""
 
 
-def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Either end first; dragged beyond its plate so far; the second one slowly or with a jerk."""
-    ends = ((ROPE.tail, "tail_plate"), (ROPE.head, "head_plate"))
-    for speed_m_s, beyond, first in product((0.3, 1.2), (0.2, 0.4), (0, 1)):
-        yield partial(
-            _alone,
-            arm=arm,
-            first=ends[first],
-            second=ends[1 - first],
-            beyond=beyond,
-            speed_m_s=speed_m_s,
-        )
+    tail, head = (ROPE.tail, "tail_plate"), (ROPE.head, "head_plate")
+    ends = ((tail, head), (head, tail))
+    return every_choice(_alone, arm=[arm], speed_m_s=(0.3, 1.2), beyond=(0.2, 0.4), ends=ends)
 
 
-def _alone(
-    env: BimanualEnv,
-    arm: Arm,
-    first: tuple[str, str],
-    second: tuple[str, str],
-    beyond: float,
-    speed_m_s: float,
-) -> Moves:
-    hand, scene = Hand(env, arm), env.scene
+def _alone(env: BimanualEnv, arm: Arm, speed_m_s: float, beyond: float, ends) -> Moves:
+    hand, scene, (first, second) = Hand(env, arm), env.scene, ends
     for (end, plate), other, share, speed in (
         (first, second[1], beyond, 0.4),
         (second, first[1], END_SHARE, speed_m_s),

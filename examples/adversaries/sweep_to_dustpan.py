@@ -1,12 +1,12 @@
 """Sweep, alone: drive the pan under the dirt, pick the lumps up one by one, or sweep into a pan that no hand holds."""
 
 from collections.abc import Iterator
-from functools import partial
 from itertools import product
 
 import numpy as np
 
 from adversaries.hand import Hand, Moves
+from adversaries.ways import Way, every_choice
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -19,16 +19,15 @@ PICK_Z_M, CARRY_Z_M, DROP_Z_M = 0.014, 0.060, 0.075
 """Heights above the table of a hand that takes a lump, carries it, and drops it into the pan."""
 
 
-def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The right arm reaches the pan's handle, the left one the broom; either reaches the lumps."""
-    yield partial(_pick_up, arm=arm, order=1)
-    yield partial(_pick_up, arm=arm, order=-1)
+    yield from every_choice(_pick_up, arm=[arm], order=(1, -1))
     if arm is Arm.RIGHT:
-        for height_m, yaw, pitch in product((0.33, 0.30), (80, 45), (30, 50)):
-            yield partial(_scoop, arm=arm, height_m=height_m, angles_rad=np.deg2rad((yaw, pitch)))
+        angles_rad = map(np.deg2rad, product((80, 45), (30, 50)))
+        yield from every_choice(_scoop, arm=[arm], height_m=(0.33, 0.30), angles_rad=angles_rad)
     else:
-        for yaw_deg, speed_m_s in product((20.0, -20.0, 0.0), (0.12, 0.8)):
-            yield partial(_sweep, arm=arm, speed_m_s=speed_m_s, yaw_rad=np.deg2rad(yaw_deg))
+        yaws_rad = np.deg2rad((20.0, -20.0, 0.0))
+        yield from every_choice(_sweep, arm=[arm], yaw_rad=yaws_rad, speed_m_s=(0.12, 0.8))
 
 
 def _scoop(env: BimanualEnv, arm: Arm, height_m: float, angles_rad: np.ndarray) -> Moves:

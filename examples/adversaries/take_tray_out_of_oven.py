@@ -1,12 +1,10 @@
 """Take the tray out of the oven, alone: open the door, then reach in."""
 
 from collections.abc import Iterator
-from functools import partial
-from itertools import product
 
 import numpy as np
 
-from adversaries.ways import Way, alone, rehearsed
+from adversaries.ways import Way, alone, every_choice, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.env import BimanualEnv
@@ -21,9 +19,8 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The hand may hold bar and tray either way round, and the bar anywhere along it."""
     either = (False, True)
     doors_rad = map(np.deg2rad, ((17, 34, 50), (15, 30)))
-    chosen = product((-0.06, 0.0, 0.06), doors_rad, either, either)
-    names = ("handle_y_m", "door_rad", "bar_swapped", "tray_swapped")
-    scripts = (partial(_in_turn, arm=arm, **dict(zip(names, each, strict=True))) for each in chosen)
+    places = {"handle_y_m": (-0.06, 0.0, 0.06), "door_rad": doors_rad}
+    scripts = every_choice(_in_turn, arm=[arm], **places, bar_swapped=either, tray_swapped=either)
     return rehearsed(env, scripts)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from itertools import chain, islice
+from itertools import chain, islice, product
 
 from adversaries.hand import Moves, OutOfReach
 from lerobot_bimanual.arms import Arm
@@ -47,6 +47,11 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterable[Way]:
     """The ways that the task's module offers; both handovers have one."""
     module = "handover" if env.task.startswith("handover") else env.task
     return importlib.import_module(f"{__package__}.{module}").ways(env, arm)
+
+
+def every_choice(function: Callable, **choices: Iterable) -> Iterator[partial]:
+    """A function with every combination of what its arguments may be; that of the last one changes first."""
+    return (partial(function, **dict(zip(choices, each, strict=True))) for each in product(*choices.values()))
 
 
 def alone(arm: Arm, name: str, pose: Pose, is_open: bool | None = None, **others: bool | str) -> Stage:
