@@ -17,7 +17,7 @@ from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify, parse_episodes
 from lerobot_env_bimanual.verification.columns import Player
 from lerobot_env_bimanual.verification.rendering import ALL_ROWS
-from lerobot_env_bimanual.verification.verifier import Thoroughness, Verifier, check_files
+from lerobot_env_bimanual.verification.verifier import Verifier, check_files
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +31,8 @@ def findings(root: Path, check: str, player: Player) -> dict[str, str]:
     """Failed checks of the files and, unless the check is among them, of episode 1."""
     found = check_files(root)
     if not found.get(check):
-        simulate = check.startswith(("replay", "rendered"))
-        found |= Verifier(root, Thoroughness(simulate, ALL_ROWS), player).verify(1).faults
+        is_played = check.startswith(("replay", "rendered"))
+        found |= Verifier(root, player if is_played else None, ALL_ROWS).verify(1)
     return {name: "; ".join(fault.text for fault in faults) for name, faults in found.items() if faults}
 
 
@@ -55,7 +55,7 @@ def test_a_video_that_is_only_encoded_again_passes_and_a_pixel_is_found_at_its_r
     c.encoded_again(lambda images: images)(frames)
     assert findings(frames, "rendered RGB", player).keys() == {"checksums"}
     c.pixels(c.FRONT_DEPTH, c.one_pixel(-5), slice(3, 4))(keyframes)
-    faults = Verifier(keyframes, Thoroughness(True, ALL_ROWS), player).verify(1).faults["rendered depth"]
+    faults = Verifier(keyframes, player, ALL_ROWS).verify(1)["rendered depth"]
     assert [(fault.row, fault.text) for fault in faults] == [(3, f"{c.FRONT_DEPTH} is wrong by up to 5 mm")]
 
 
@@ -77,7 +77,7 @@ def test_columns_of_other_types_with_the_same_values_pass(copy, player) -> None:
     assert findings(root, "replay", player).keys() == {"checksums"}
 
 
-def test_no_cell_and_no_playlist_leads_to_another_file(copy, player, tmp_path, monkeypatch) -> None:
+def test_no_cell_and_no_playlist_leads_to_another_file(copy, tmp_path, monkeypatch) -> None:
     secret = tmp_path / "secret.png"
     secret.write_bytes(c.png(32, 24))
     cells, playlist = copy("keyframes"), copy("frames")
@@ -88,7 +88,7 @@ def test_no_cell_and_no_playlist_leads_to_another_file(copy, player, tmp_path, m
     monkeypatch.setattr("datasets.features.image.xopen", lambda *args, **_: opened.append(args))
     for root, episode in ((cells, 1), (playlist, 0)):
         write_checksums(root)
-        faults = Verifier(root, Thoroughness(False, rendered_rows=0), player).verify(episode).faults
+        faults = Verifier(root, None, rendered_rows=0).verify(episode)
         assert faults["images complete"]
     assert not opened
 

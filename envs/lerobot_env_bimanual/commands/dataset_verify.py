@@ -16,8 +16,8 @@ from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.verification.fault import Fault
-    from lerobot_env_bimanual.verification.verifier import EpisodeReport, Thoroughness, Verifier
+    from lerobot_env_bimanual.verification.fault import Fault, Findings
+    from lerobot_env_bimanual.verification.verifier import Verifier
 
 PASSED, FAULTS, NOT_REPLAYED = 0, 1, 3
 """Exit codes; 2 is a command line that cannot be understood."""
@@ -57,7 +57,6 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     """
     from lerobot_env_bimanual.verification.fault import READABLE, Fault, Findings
     from lerobot_env_bimanual.verification.rendering import ALL_ROWS
-    from lerobot_env_bimanual.verification.verifier import EpisodeReport, Thoroughness
 
     seed = secrets.randbelow(2**32) if config.sample_seed is None else config.sample_seed
     check_range("sample_seed", seed, 0)
@@ -70,18 +69,18 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     readable = [view for view in views if view.n_episodes]
     if readable:
         indices = parse_episodes(config.episode_indices, max(view.n_episodes for view in readable))
-        plans = tuple(Thoroughness(not view.remark, rows, seed) for view in readable)
 
-        def unverified(index: int, reason: str) -> list[EpisodeReport]:
-            """The reports of an episode whose checks came to no end."""
-            return [EpisodeReport(index, Findings({READABLE: [Fault(reason)]}))] * len(readable)
+        def unverified(_: int, reason: str) -> list[Findings]:
+            """What is found where the checks of an episode come to no end."""
+            return [Findings({READABLE: [Fault(reason)]})] * len(readable)
 
         # Both views of an episode are verified in one go, which plays it once.
-        verify = partial(_verify, tuple(view.root for view in readable), plans)
+        verify = partial(_verify, tuple((view.root, not view.remark) for view in readable), rows, seed)
         with WorkerPool(config.workers, PRELOADED) as pool:
-            for reports in pool.map(verify, indices, "verifying", "episode", failed=unverified):
-                for view, report in zip(readable, reports, strict=True):
-                    view.add(report)
+            found = pool.map(verify, indices, "verifying", "episode", failed=unverified)
+            for index, of_views in zip(indices, found, strict=True):
+                for view, faults in zip(readable, of_views, strict=True):
+                    view.add(index, faults)
     for view in views:
         view.print()
     print(f"rows were drawn by --sample_seed={seed}")
@@ -160,13 +159,12 @@ class _ViewReport:
                 self.n_episodes = len(dataset)
                 if difference := other_simulation(dataset.provenance):
                     self.remark = f"not replayed, so not passed: {difference}"
-        for check, faults in found.items():
-            self._faults[check].append((None, faults))
+        self.add(None, found)
 
-    def add(self, report: EpisodeReport) -> None:
-        """Add what was found in an episode."""
-        for check, faults in report.faults.items():
-            self._faults[check].append((report.index, faults))
+    def add(self, episode: int | None, found: Findings) -> None:
+        """Add what was found in an episode, or in the files of all."""
+        for check, faults in found.items():
+            self._faults[check].append((episode, faults))
 
     @property
     def is_wrong(self) -> bool:
@@ -202,8 +200,8 @@ def _line(episode: int | None, fault: Fault) -> str:
 
 
 @lru_cache(maxsize=1)
-def _verifiers(roots: tuple[Path, ...], plans: tuple[Thoroughness, ...]) -> list[Verifier]:
-    """The verifiers of this process, one per view."""
+def _verifiers(views: tuple[tuple[Path, bool], ...], rows: int, seed: int) -> list[Verifier]:
+    """The verifiers of this process, one per view; each is given by its folder and whether it is played again."""
     import av.logging
     import datasets
     import pyarrow
@@ -215,8 +213,8 @@ def _verifiers(roots: tuple[Path, ...], plans: tuple[Thoroughness, ...]) -> list
     datasets.disable_progress_bars()
     pyarrow.set_cpu_count(1)
     player = Player()
-    return [Verifier(root, plan, player) for root, plan in zip(roots, plans, strict=True)]
+    return [Verifier(root, player if is_played else None, rows, seed) for root, is_played in views]
 
 
-def _verify(roots: tuple[Path, ...], plans: tuple[Thoroughness, ...], index: int) -> list[EpisodeReport]:
-    return [verifier.verify(index) for verifier in _verifiers(roots, plans)]
+def _verify(views: tuple[tuple[Path, bool], ...], rows: int, seed: int, index: int) -> list[Findings]:
+    return [verifier.verify(index) for verifier in _verifiers(views, rows, seed)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -20,34 +19,6 @@ from lerobot_env_bimanual.verification.fault import READABLE, Fault, Findings
 from lerobot_env_bimanual.verification.rendering import RenderedRows, draw_rows
 
 COMPLETE = "images complete"
-
-
-@dataclass(frozen=True)
-class Thoroughness:
-    """What is done beyond reading.
-
-    Attributes:
-        simulate: whether episodes are played again; wrong for a dataset of another simulation.
-        rendered_rows: rows of every episode whose images are compared with new ones, `ALL_ROWS` for all of them.
-        seed: of the draw of rows.
-    """
-
-    simulate: bool
-    rendered_rows: int
-    seed: int = 0
-
-
-@dataclass(frozen=True)
-class EpisodeReport:
-    """What the checks of one episode found.
-
-    Attributes:
-        index: of the episode.
-        faults: what is wrong, by check.
-    """
-
-    index: int
-    faults: Findings
 
 
 def check_files(root: Path) -> Findings:
@@ -68,37 +39,37 @@ class Verifier:
 
     Args:
         root: folder of the view.
-        thoroughness: what is done beyond reading.
-        player: plays episodes again, perhaps for another view, too.
+        player: plays episodes again, perhaps for another view, too; None for a dataset of another simulation.
+        rendered_rows: rows of every episode whose images are compared with new ones, `ALL_ROWS` for all of them.
+        seed: of the draw of rows.
     """
 
-    def __init__(self, root: Path, thoroughness: Thoroughness, player: Player):
-        self._root = root
-        self._thoroughness = thoroughness
-        self._player = player
+    def __init__(self, root: Path, player: Player | None, rendered_rows: int, seed: int = 0):
+        self._root, self._player = root, player
+        self._rendered_rows, self._seed = rendered_rows, seed
 
-    def verify(self, index: int) -> EpisodeReport:
+    def verify(self, index: int) -> Findings:
         """All checks of one episode."""
         faults, episode, played = Findings(), None, None
         with faults.of(READABLE):
             episode = self._dataset.episode(index)
         if episode is None:
-            return EpisodeReport(index, faults)
-        if self._thoroughness.simulate:
+            return faults
+        if self._player is not None:
             with faults.of("replay") as found:
                 height, width, _ = next(iter(self._reader.shapes.values()))
                 played = self._player.play(self._dataset, episode, (height, width))
                 found += check_replay(self._dataset, episode, played)
         with faults.of("images"):
             self._check_images(episode, played, faults)
-        return EpisodeReport(index, faults)
+        return faults
 
     def _check_images(self, episode: RecordedEpisode, played: Demonstration | None, faults: Findings) -> None:
         """Decode every image once, and compare those of some rows with new ones."""
-        how, rendered, incomplete = self._thoroughness, None, faults.setdefault(COMPLETE, [])
-        if played is not None and how.rendered_rows:
+        rendered, incomplete = None, faults.setdefault(COMPLETE, [])
+        if played is not None and self._rendered_rows:
             is_video = self._dataset.view == "frames"
-            compared = draw_rows(episode, how.rendered_rows, how.seed)
+            compared = draw_rows(episode, self._rendered_rows, self._seed)
             rendered = RenderedRows(episode, played, compared, is_video)
         for key, row, image in _inspected_images(self._reader, episode.index, len(episode), incomplete):
             if rendered is not None:
