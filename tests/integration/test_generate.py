@@ -154,7 +154,7 @@ def test_variations_take_turns_and_a_failed_seed_is_replaced_by_its_next_one(tmp
     assert third == [("000006", [(21, 1)])]
     (shards,) = planned(replace(config, variation="1,4", episodes=3))
     assert [key for _, keys in shards for key in keys] == [(10, 1), (11, 4), (12, 1)]
-    for wrong in ("1,any", "1,1", "1,9"):
+    for wrong in ("1,any", "1,1", "1,01", "1,9"):
         with pytest.raises(InvalidChoice, match="variation"):
             settings_of(replace(config, variation=wrong))
     with pytest.raises(DatasetError, match=r"failed on 21 seeds.*seed 20: slipped"):

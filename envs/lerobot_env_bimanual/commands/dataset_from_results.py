@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import batched, chain
 from pathlib import Path
 from typing import Literal
@@ -51,7 +52,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     from lerobot_bimanual.results.record import result_paths
     from lerobot_bimanual.terminal import show_next
     from lerobot_env_bimanual.generation.build import PRELOADED
-    from lerobot_env_bimanual.generation.from_results import Replays, record_replays
+    from lerobot_env_bimanual.generation.from_results import Part, record_replays
     from lerobot_env_bimanual.generation.settings import repo_id_of
     from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors
     from lerobot_env_bimanual.options import EnvOptions
@@ -68,22 +69,23 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     given = {"image_size": config.image_size, "cameras": config.cameras}
     seen = EnvOptions.of(**{name: value or usual.get(name, value) for name, value in given.items()})
     views = VIEWS if config.view == "both" else (config.view,)
-    perturbed = any(result.record.options.get("perturb") for result in results)
+    is_perturbed = any(result.record.options.get("perturb") for result in results)
     wanted = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
     with plain_write_errors(config.root):
         config.root.absolute().parent.mkdir(parents=True, exist_ok=True)
     with plain_write_errors(config.root), new_folder(config.root.absolute().parent) as folder:
-        jobs = list[Replays]()
+        jobs = list[Part]()
         for record in (result.record for result in results):
             episodes = (episode for episode in record.episodes if episode.success in wanted)
-            for part in batched(episodes, EPISODES_PER_PART):
-                options, place = tuple(record.options.items()), folder / f"{len(jobs):06d}"
-                how = (repo_id, views, seen.camera_names, seen.size, config.depth, perturbed)
-                jobs.append(Replays(record.task, options, part, place, *how))
+            for some in batched(episodes, EPISODES_PER_PART):
+                jobs.append((record.task, tuple(record.options.items()), some, folder / f"{len(jobs):06d}"))
+        images = {"cameras": seen.camera_names, "size": seen.size, "depth": config.depth}
+        how = {"repo_id": repo_id, "views": views, "is_perturbed": is_perturbed, **images}
         with WorkerPool(config.workers, preload=PRELOADED) as pool:
-            found = pool.map(record_replays, jobs, "replay", "part", name=lambda job: job.task)
+            replay = partial(record_replays, **how)
+            found = pool.map(replay, jobs, "replay", "part", name=lambda job: job[0])
             left_out = [*chain.from_iterable(found)]
-        parts = [job.folder for job in jobs if job.folder.exists()]
+        parts = [place for *_, place in jobs if place.exists()]
         if not parts:
             reasons = "; ".join(left_out[:3]) or config.outcome
             raise BimanualError(f"{config.results} holds no episode to store ({reasons})")
@@ -95,6 +97,6 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
         move_durably(merged, config.root)
     for text in left_out:
         print(f"left out: {text}")
-    stored = sum(len(job.episodes) for job in jobs) - len(left_out)
+    stored = sum(len(some) for _, _, some, _ in jobs) - len(left_out)
     print(f"{config.root}: {stored} episodes")
     show_next("lerobot-bimanual", "dataset", "verify", f"--root={config.root}")

@@ -2,60 +2,38 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import feature_table, schema
-from lerobot_bimanual.dataset.calibration import Calibration
-from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm, discover_keyframes
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.experts.recorder import Tape
 from lerobot_env_bimanual.failures.attribution import FailureAttributor
+from lerobot_env_bimanual.generation.shard import quieten_libraries, write_views
 from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors
-from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, recorded_actions
+from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, Options, recorded_actions
 
-type Options = tuple[tuple[str, str | int], ...]
+type Part = tuple[str, Options, tuple[Episode, ...], Path]
+"""Name of a task, options of an evaluation, episodes of it, and the new folder that gets a dataset of them per view."""
 
 
-@dataclass(frozen=True)
-class Replays:
-    """Episodes of one evaluation that become a part of a dataset.
+def record_replays(part: Part, cameras: tuple[str, ...], size: tuple[int, int], **how: Any) -> list[str]:
+    """Replay episodes and write their rows.
 
-    Attributes:
-        task: name of the task.
-        options: options of the evaluation by name.
-        episodes: the episodes.
-        folder: new folder of the part, with one dataset per view.
-        repo_id: LeRobot's name of the dataset.
-        views: which rows are stored.
+    Args:
+        part: what is replayed.
         cameras: whose images are stored.
         size: height and width of the images in pixels.
-        depth: whether depth images are stored; None for `keyframes` alone.
-        perturbed: whether any episode of the dataset is of a perturbed world, so that every row holds its calibration.
-    """
-
-    task: str
-    options: Options
-    episodes: tuple[Episode, ...]
-    folder: Path
-    repo_id: str
-    views: tuple[View, ...]
-    cameras: tuple[str, ...]
-    size: tuple[int, int]
-    depth: bool | None
-    perturbed: bool
-
-
-def record_replays(job: Replays) -> list[str]:
-    """Replay episodes and write their rows.
+        how: further arguments of `write_views`.
 
     Returns:
         Why episodes were left out, one sentence each; the folder is made unless all were.
@@ -63,44 +41,37 @@ def record_replays(job: Replays) -> list[str]:
     Raises:
         DatasetError: the rows cannot be written.
     """
-    from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
-
-    verifier, attributor = _players(job.task, job.options, job.cameras, job.size)
+    task, options, episodes, target = part
+    verifier, attributor = _players(task, options, cameras, size)
     env, left_out = verifier.env, list[str]()
-    with plain_write_errors(job.folder), new_folder(job.folder.parent) as folder:
-        with ExitStack() as stack:
-            writers: list[ViewWriter] = []
-            for episode in job.episodes:
-                tape = Tape(env, lambda: env.progress.keyposes)
-                with env.observed_by(tape.note):
-                    problems = verifier.differences(episode)
-                if not problems and not episode.ticks:
-                    problems = [f"no tick was played ({episode.failure})"]
-                if problems:
-                    left_out.append(f"{job.task}, seed {episode.seed}: {problems[0]}")
-                    continue
-                actions = recorded_actions(episode)
-                keyposes = [each for each in actions if each.size == KEYPOSE_DIM]
-                played = tape.demonstration(np.array(keyposes))
-                if any(each.size == JOINT_ACTION_DIM for each in actions):
-                    played = _with_reached_keyposes(played)
-                reason = "" if episode.success else str(attributor.attribute(episode).failure_class)
-                outcome = {
-                    feature_table.SUCCESS: np.array([episode.success]),
-                    feature_table.FAILURE_CLASS: reason,
-                }
-                calibration = None if job.perturbed else Calibration.of_observation(played.final_observation)
-                for view in () if writers else job.views:
-                    how = {
-                        "depth": job.depth,
-                        "further": feature_table.OUTCOME,
-                        "calibration": calibration,
-                    }
-                    writer = ViewWriter(folder / view, job.repo_id, view, job.cameras, *job.size, **how)
-                    writers.append(stack.enter_context(writer))
-                write_episode(replace(played, further=outcome), writers)
-        if writers:
-            folder.rename(job.folder)
+
+    def replayed() -> Iterator[Demonstration]:
+        for episode in episodes:
+            tape = Tape(env, lambda: env.progress.keyposes)
+            with env.observed_by(tape.note):
+                problems = verifier.differences(episode)
+            if not problems and not episode.ticks:
+                problems = [f"no tick was played ({episode.failure})"]
+            if problems:
+                left_out.append(f"{task}, seed {episode.seed}: {problems[0]}")
+                continue
+            actions = recorded_actions(episode)
+            keyposes = [each for each in actions if each.size == KEYPOSE_DIM]
+            played = tape.demonstration(np.array(keyposes))
+            if any(each.size == JOINT_ACTION_DIM for each in actions):
+                played = _with_reached_keyposes(played)
+            reason = "" if episode.success else str(attributor.attribute(episode).failure_class)
+            outcome = {
+                feature_table.SUCCESS: np.array([episode.success]),
+                feature_table.FAILURE_CLASS: reason,
+            }
+            yield replace(played, further=outcome)
+
+    with plain_write_errors(target), new_folder(target.parent) as folder:
+        further = feature_table.OUTCOME
+        write_views(folder, replayed(), cameras=cameras, size=size, further=further, **how)
+        if len(left_out) < len(episodes):
+            folder.rename(target)
     return left_out
 
 
@@ -109,8 +80,6 @@ def _players(
     task: str, options: Options, cameras: tuple[str, ...], size: tuple[int, int]
 ) -> tuple[EpisodeVerifier, FailureAttributor]:
     """What replays episodes and says why they failed; kept for the next part."""
-    from lerobot_env_bimanual.generation.shard import quieten_libraries
-
     quieten_libraries()
     verifier = EpisodeVerifier(task, dict(options), cameras=cameras, image_size=size)
     return verifier, FailureAttributor(task, dict(options))

@@ -69,14 +69,12 @@ class GenerationSettings(Record):
     @model_validator(mode="after")
     def _exist(self) -> Self:
         listed = self.variation.split(",")
-        if len(listed) > len(set(listed)) or (len(listed) > 1 and ANY_VARIATION in listed):
-            raise InvalidChoice(
-                "variation", self.variation, "any, an index, or different ones separated by commas"
-            )
         for task in self.tasks:
             spec = get_task(task).spec
-            for variation in self.variation.split(","):
-                spec.variation_index(variation)
+            indices = [spec.variation_index(variation) for variation in listed]
+            if len(indices) > len(set(indices)) or (len(indices) > 1 and None in indices):
+                choices = "any, an index, or different ones separated by commas"
+                raise InvalidChoice("variation", self.variation, choices)
             if self.plans == "several" and len(spec.plans) == 1:
                 raise InvalidChoice(f"plans of {task}", self.plans, ["one"])
         return self

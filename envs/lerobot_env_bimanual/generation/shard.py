@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from tqdm import tqdm
 
 from lerobot_bimanual.dataset import feature_table
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
+from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import REPORT, new_folder, place_shard, plain_write_errors
-
-if TYPE_CHECKING:
-    from lerobot_bimanual.dataset.writer import ViewWriter
 
 type Job = tuple[GenerationSettings, Shard, Path]
 """What is recorded, the candidates, and the folder of the finished shard."""
@@ -36,49 +36,69 @@ def record_shard(job: Job) -> int:
     Raises:
         DatasetError: the shard cannot be written.
     """
-    from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
-
     settings, shard, target = job
-    recorder, options = _recorder(), settings.options
-    episodes: list[EpisodeKey] = []
-    skipped: list[SkippedSeed] = []
-    with plain_write_errors(target), new_folder(target.parent.parent) as folder:
-        with ExitStack() as stack:
-            writers: list[ViewWriter] = []
-            for candidate in shard.candidates:
-                try:
-                    how = settings.discretise, None if settings.plans == "one" else candidate.plan
-                    outcome, episode = recorder.record(
-                        candidate.task, options, candidate.seed, candidate.variation, *how
-                    )
-                    unmet = ", ".join(outcome.unmet) or "none"
-                    reason = f"{outcome.failure}, at {outcome.last_move!r}; unmet: {unmet}"
-                except PlacementFailure as failure:
-                    episode, reason = None, str(failure)
-                if episode is None:
-                    skipped.append(SkippedSeed(**candidate.model_dump(), reason=reason))
-                    continue
+    options, has_plans = settings.options, settings.plans == "several"
+    episodes, skipped = list[EpisodeKey](), list[SkippedSeed]()
+
+    def solved() -> Iterator[Demonstration]:
+        for candidate in shard.candidates:
+            which = candidate.task, options, candidate.seed, candidate.variation
+            try:
+                plan = candidate.plan if has_plans else None
+                outcome, episode = _recorder().record(*which, settings.discretise, plan)
+                unmet = ", ".join(outcome.unmet) or "none"
+                reason = f"{outcome.failure}, at {outcome.last_move!r}; unmet: {unmet}"
+            except PlacementFailure as failure:
+                episode, reason = None, str(failure)
+            if episode is None:
+                skipped.append(SkippedSeed(**candidate.model_dump(), reason=reason))
+            else:
                 episodes.append(candidate)
-                # Perturbed cameras stand elsewhere in every episode.
-                last = episode.final_observation
-                calibration = None if settings.perturb else Calibration.of_observation(last)
-                for view in () if writers else settings.views:  # a dataset without episodes is none
-                    writer = ViewWriter(
-                        folder / view,
-                        settings.repo_id,
-                        view,
-                        settings.cameras,
-                        *options.size,
-                        settings.intermediate,
-                        settings.depth,
-                        further=None if settings.plans == "one" else feature_table.PLANS,
-                        calibration=calibration,
-                    )
-                    writers.append(stack.enter_context(writer))
-                write_episode(episode, writers)
+                yield episode
+
+    with plain_write_errors(target), new_folder(target.parent.parent) as folder:
+        stored = settings.repo_id, settings.views, settings.cameras, options.size, bool(settings.perturb)
+        how = {"intermediate": settings.intermediate, "depth": settings.depth}
+        further = feature_table.PLANS if has_plans else None
+        write_views(folder, solved(), *stored, **how, further=further)
         ShardReport(episodes=tuple(episodes), skipped=tuple(skipped)).write(folder / REPORT)
         place_shard(folder, target)
     return len(episodes)
+
+
+def write_views(
+    folder: Path,
+    episodes: Iterable[Demonstration],
+    repo_id: str,
+    views: Sequence[View],
+    cameras: Sequence[str],
+    size: tuple[int, int],
+    is_perturbed: bool,
+    **how: Any,
+) -> None:
+    """Write episodes as one dataset per view; as none if there are no episodes.
+
+    Args:
+        folder: gets a folder per view.
+        episodes: each is written before the next one is asked for.
+        repo_id: LeRobot's name of the dataset.
+        views: which rows are stored.
+        cameras: whose images are stored.
+        size: height and width of the images in pixels.
+        is_perturbed: whether cameras may be elsewhere in every episode, so that every row holds its calibration.
+        how: further arguments of `ViewWriter`.
+    """
+    from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
+
+    with ExitStack() as stack:
+        writers: list[ViewWriter] = []
+        for episode in episodes:
+            if not writers and not is_perturbed:
+                how["calibration"] = Calibration.of_observation(episode.final_observation)
+            for view in () if writers else views:
+                writer = ViewWriter(folder / view, repo_id, view, cameras, *size, **how)
+                writers.append(stack.enter_context(writer))
+            write_episode(episode, writers)
 
 
 @cache
