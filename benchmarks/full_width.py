@@ -27,6 +27,7 @@ NETWORK = (
     "--policy.optimizer_lr=2e-4",
     "--policy.lr_schedule=constant",  # so that more steps go on as if they had been asked for at first
 )
+LOADING = ("--num_workers=1", "--log_freq=20")
 
 
 def run(words: list[str], log: Path) -> None:
@@ -56,13 +57,7 @@ def train(options: argparse.Namespace, further: list[str]) -> Path:
         shutil.rmtree(folder, ignore_errors=True)  # of a training that ended before its first checkpoint
         words += [*NETWORK, f"--policy.voxel_size={options.voxels}", f"--policy.device={options.device}"]
         words += ["--dataset.repo_id=local/demonstrations", f"--dataset.root={options.folder}/demonstrations"]
-        words += [
-            f"--batch_size={options.batch_size}",
-            "--num_workers=1",
-            "--log_freq=20",
-            f"--output_dir={folder}",
-        ]
-        words += further
+        words += [f"--batch_size={options.batch_size}", f"--output_dir={folder}", *LOADING, *further]
     if not last.exists() or int(last.resolve().name) < options.steps:
         run(words, options.folder / "train.log")
     for checkpoint in (folder / "checkpoints").iterdir():  # each takes 0.8 GB
@@ -94,22 +89,16 @@ def main() -> None:
         "--env.split=train",
         "--seed=0",
     ]
-    episodes = [
-        f"--eval.n_episodes={EPISODES}",
-        f"--eval.batch_size={EPISODES}",
-        "--eval.use_async_envs=false",
-    ]
+    numbers = [f"--eval.n_episodes={EPISODES}", f"--eval.batch_size={EPISODES}"]
+    episodes = [*numbers, "--eval.use_async_envs=false"]
     policy = [f"--policy.path={last}/pretrained_model", f"--policy.device={options.device}"]
     run(["lerobot-eval", *policy, *env, *episodes, f"--output_dir={scores}"], log)
     scored = json.loads((scores / "eval_info.json").read_text())["overall"]
     successes = round(EPISODES * scored["pc_success"] / 100)
     logged = re.findall(r"\bloss:(\S+).*?updt_s:(\S+) data_s:(\S+)(?:.*?mem_gb:(\S+))?", log.read_text())
     loss, update_s, data_s, memory = logged[-1]
-    figures = {
-        "steps": int(last.resolve().name),
-        "loss": float(loss),
-        "steps/s": 1 / (float(update_s) + float(data_s)),
-    }
+    speed = 1 / (float(update_s) + float(data_s))
+    figures = {"steps": int(last.resolve().name), "loss": float(loss), "steps/s": speed}
     figures |= {"GPU memory, GB": float(memory)} if memory else {}
     title = f"full width, {options.voxels} voxels, {options.device}"
     print(json.dumps({"benchmark": title, "figures": {options.task: figures | {"solved of 4": successes}}}))

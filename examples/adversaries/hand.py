@@ -30,12 +30,7 @@ class OutOfReach(Exception):
 
 
 class Hand:
-    """The hand of one arm; the other arm stays as it is.
-
-    Args:
-        env: the episode.
-        arm: whose hand.
-    """
+    """The hand of one arm in an episode; the other arm stays as it is."""
 
     def __init__(self, env: BimanualEnv, arm: Arm):
         self.scene, self.arm = env.scene, arm

@@ -53,19 +53,11 @@ class UntimedEnv(BimanualEnv):
     def log_outcome(self) -> None:
         """Log the outcome of the episode so far."""
         progress = self.progress
-        if progress.succeeded:
-            verdict = "solved"
-        else:
-            conditions = check(self._conditions, self.scene, known=progress.conditions)
-            unmet = [name for name, met in conditions.items() if not met]
-            verdict = progress.failure or f"not solved, unmet: {', '.join(unmet)}"
-        logger.info(
-            "%s: %s after %d ticks, state %s",
-            self.episode_name,
-            verdict,
-            progress.ticks,
-            self.state_hash(),
-        )
+        conditions = check(self._conditions, self.scene, known=progress.conditions)
+        unmet = ", ".join(name for name, met in conditions.items() if not met)
+        verdict = "solved" if progress.succeeded else progress.failure or f"not solved, unmet: {unmet}"
+        state = progress.ticks, self.state_hash()
+        logger.info("%s: %s after %d ticks, state %s", self.episode_name, verdict, *state)
 
     @property
     def episode_name(self) -> str:

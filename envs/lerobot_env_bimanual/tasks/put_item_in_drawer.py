@@ -46,13 +46,8 @@ ITEM_OFFSET_M = (0.025, 0.10)
 """Position in the cabinet's axes."""
 
 VARIED_RISE_M = 0.08
-VARIED_CABINET = DrawerCabinet(
-    "cabinet",
-    handle_half_length_m=0.002,
-    handle_radius_m=0.028,
-    handle_gives_m=0.012,
-    longer_legs_m=VARIED_RISE_M,
-)
+KNOB = {"handle_half_length_m": 0.002, "handle_radius_m": 0.028, "handle_gives_m": 0.012}
+VARIED_CABINET = DrawerCabinet("cabinet", **KNOB, longer_legs_m=VARIED_RISE_M)
 VARIED_ITEM = replace(ITEM, size_m=(0.06, 0.06, 0.04))
 VARIED_AREA = PlacementArea(center_m=(0.34, -0.12), half_size_m=(0.14, 0.09), half_yaw_rad=np.deg2rad(22.5))
 """Nearer to the right arm, so that it reaches all of the top."""
@@ -123,9 +118,8 @@ class PutItemInDrawer(Task):
         bar = Pose.looking(handle, approach=-out, opening=(0, 0, 1))
         pulled = bar.translated(PULL_M * out)
         top_m = cabinet.position[2] + CABINET.top_m
-        grasp = Pose.looking(
-            (*item.position[:2], top_m + GRASP_M), approach=(0, 0, -1), opening=item.rotation[:, 0]
-        )
+        grasp_m = (*item.position[:2], top_m + GRASP_M)
+        grasp = Pose.looking(grasp_m, approach=(0, 0, -1), opening=item.rotation[:, 0])
         hover = _at_height(grasp, top_m + HOVER_M)
         # For a rehearsal: opened further than it will be.
         opened = (f"{CABINET.drawer(level)}_slide", PULL_M + ELBOW_ROOM_M)

@@ -122,14 +122,8 @@ class StraightenRope(Task):
         left_grasp, left_pull = _hands(*left, PREFERRED_OPENING[Arm.LEFT])
         right_grasp, right_pull = _hands(*right, PREFERRED_OPENING[Arm.RIGHT])
         up = np.array([0, 0, ABOVE_Z_M - GRASP_Z_M])
-        yield Stage(
-            "above",
-            left_grasp.translated(up),
-            right_grasp.translated(up),
-            left_open=True,
-            right_open=True,
-            planned=True,
-        )
+        above = left_grasp.translated(up), right_grasp.translated(up)
+        yield Stage("above", *above, left_open=True, right_open=True, planned=True)
         yield Stage("grasp", left_grasp, right_grasp, left_open=False, right_open=False)
         yield Stage("pull", left_pull, right_pull)
 
