@@ -1,7 +1,5 @@
 """One hand that is moved by joint actions, as fast as the arm allows, from Python that reads the scene at every tick."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

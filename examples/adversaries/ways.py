@@ -4,8 +4,6 @@ An adversary is given more than any policy has: it sees the state, and tries sev
 actions; a script of keyposes that one arm follows can be rehearsed without physics first.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """The robot: two simulated arms that take joint targets and show their joints and cameras."""
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

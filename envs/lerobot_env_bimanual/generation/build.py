@@ -1,7 +1,5 @@
 """Builds a dataset: plans, has shards recorded until every episode is there, merges them, publishes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path

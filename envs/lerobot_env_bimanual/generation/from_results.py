@@ -1,7 +1,5 @@
 """Makes datasets of the episodes that policies have played: each is replayed exactly, and its rows are noted on the way."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache

@@ -6,8 +6,6 @@ depends on nothing but the settings, however many processes tried the seeds. Can
 episodes are wanted; each further one replaces the failures of the rounds before.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Records one shard, a few candidates of one task, as complete LeRobot datasets."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Iterable, Iterator, Sequence

@@ -9,8 +9,6 @@ Everything enters `shards` and the final place by one rename after it has reache
 is complete. A killed run leaves at most `tmp-` folders, which the next one removes.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

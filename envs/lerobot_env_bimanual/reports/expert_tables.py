@@ -1,12 +1,11 @@
 """Expert reports as the page of all tasks: experts and baselines, loads of the arms, and the tasks beside the paper's."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean, median
+from typing import Self
 
 import pandas as pd
 
@@ -57,7 +56,7 @@ class ExpertReports:
     reports: Mapping[str, ExpertReport]
 
     @classmethod
-    def read(cls, folder: Path) -> ExpertReports:
+    def read(cls, folder: Path) -> Self:
         """Read the reports of a folder that has the name of their setting.
 
         Raises:

@@ -5,8 +5,6 @@ them. Both are rolled by 45 degrees, so that their fingers cross at a right angl
 singularity of the Euler angles.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 

@@ -16,8 +16,6 @@ the third button, too, does no harm. The caps are pressed by 10 of their 14 mm, 
 In the setting `varied` each button stands on a box of its own height, up to 8 cm: six numbers decide. Caps are 24 mm wide.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from itertools import combinations

@@ -15,8 +15,6 @@ In the setting `varied` the items are 5.2 cm wide and stand on pedestals up to 8
 item decide, and the places of the others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 

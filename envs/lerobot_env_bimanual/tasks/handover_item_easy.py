@@ -16,8 +16,6 @@ and its own, 7 to 10 cm. It is 5.5 to 6.5 cm wide and nearly fills the open hand
 whose fingers come down in slots between walls.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

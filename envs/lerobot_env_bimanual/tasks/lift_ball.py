@@ -13,8 +13,6 @@ In the setting `varied` five numbers decide: the ball, 20 to 29 cm wide, lies on
 fingers reach it only between two posts on either side, which forgive a centimetre and turn with the pedestal.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -14,8 +14,6 @@ In the setting `varied` five numbers decide: the tray's place and heading, its h
 38 cm. Its handles are 2 cm wide and 6 cm high, so that they nearly fill the open hand.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

@@ -15,8 +15,6 @@ In the setting `varied` eight numbers decide: the block's place, heading and hei
 where it lies on the block. It is 5 cm thick, so that it nearly fills the open hand.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

@@ -16,8 +16,6 @@ In the setting `varied` five numbers decide: the plate, 15 to 17 cm wide and wit
 up to 8 cm, and the fingers reach its rim only between two walls, which forgive a centimetre and turn with the pedestal by 30 degrees.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -18,8 +18,6 @@ In the setting `varied` six numbers decide: the box's place and heading, its dep
 is, 38 to 50 cm. The box's centre must come to rest within 2 cm of the target's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -15,8 +15,6 @@ In the setting `varied` seven numbers decide: the bottle's place and the height 
 heading and height (it reaches up to 8 cm into the table). The bottle is 6 cm wide and nearly fills the open hand.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -18,8 +18,6 @@ A hand must have held the item: otherwise an arm that sweeps over the cabinet ma
 open under it in one go.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -14,8 +14,6 @@ In the setting `varied` seven numbers decide: the plates' place, direction and d
 and how the rope is shifted and turned from where it lies between them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache

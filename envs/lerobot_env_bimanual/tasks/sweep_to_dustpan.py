@@ -14,8 +14,6 @@ In the setting `varied` eleven numbers decide. The dirt lies in two heaps, too f
 from behind either heap into the pan. Stands are turned, too, and brooms 33 to 37 cm high.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -18,8 +18,6 @@ a side, and how much turned, the tray lies on it. The bar is 4 cm long and 3 thi
 high, so that an open hand has a centimetre to spare.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Plays an episode of a dataset again, by its expert, and compares every column of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

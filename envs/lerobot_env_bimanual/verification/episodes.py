@@ -1,7 +1,5 @@
 """Replay of a policy's recorded episodes from their seeds and actions, without the policy."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise

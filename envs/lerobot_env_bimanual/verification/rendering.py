@@ -1,7 +1,5 @@
 """Compares stored images of some rows with new ones of the same ticks, rendered from the episode as it was played again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

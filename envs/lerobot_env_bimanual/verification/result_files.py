@@ -1,10 +1,9 @@
 """Result files whose episodes can be replayed: benchmark results and evaluation records."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -33,7 +32,7 @@ class ResultFile:
     expert_ticks: Mapping[int, int]
 
     @classmethod
-    def read(cls, path: Path) -> ResultFile:
+    def read(cls, path: Path) -> Self:
         """The result in a file.
 
         Raises:

@@ -1,7 +1,5 @@
 """Verification of a dataset: every check by name, and what it found."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
