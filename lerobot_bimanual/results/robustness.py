@@ -32,7 +32,7 @@ class AxisRecord(Record):
 
 
 class Condition(Record):
-    """One level of one axis, or the nominal world, which has no axis and level 0."""
+    """One level, 1 to 3, of one axis, or the nominal world, which has no axis and is no level (0)."""
 
     axis: Name | Literal[""] = ""
     level: Annotated[int, Field(ge=0, le=MAX_LEVEL)] = 0

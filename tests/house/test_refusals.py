@@ -21,7 +21,7 @@ BASES = {
 REFUSED = {
     "dataset generate": {
         "task=wash_dishes": "task is 'wash_dishes', but must be one of: ",
-        "variation=9": "variation of lift_ball is 9",
+        "variation=9": "variation of lift_ball is '9'",
         "cameras=rear": "left_shoulder",
         "cameras=front,front": "none twice",
         "image_size=0": "8 to 4096 pixels",
@@ -37,7 +37,7 @@ REFUSED = {
     },
     "expert evaluate": {
         "task=lift_bal": "Did you mean 'lift_ball'?",
-        "variation=7": "variation of lift_ball is 7",
+        "variation=7": "variation of lift_ball is '7'",
         "episodes=0": "episodes is 0",
         "first_seed=-1": "first_seed is -1",
         "axes=all": "output with --axes",
@@ -63,7 +63,7 @@ REFUSED = {
     "policy robustness": {"checkpoint=nowhere": "no checkpoint at nowhere", "axes=masse": "no checkpoint"},
     "task view": {
         "task=lift_bal": "Did you mean 'lift_ball'?",
-        "variation=7": "variation of lift_ball is 7",
+        "variation=7": "variation of lift_ball is '7'",
         "first_seed=-1": "first_seed is -1",
         "checkpoint=nowhere": "no checkpoint at nowhere",
         "perturb=fog:1": "fog",
