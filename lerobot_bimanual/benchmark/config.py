@@ -218,7 +218,7 @@ def _check_several(flags: Mapping[str, Any]) -> None:
 
 
 def _options(config: BenchmarkConfig, flag: str) -> dict[str, Any]:
-    """Options in the text of one flag, by name, without those that the benchmark sets itself."""
+    """Options in the text of one flag, by name; what the benchmark sets itself is refused."""
     text = getattr(config, flag)
     try:
         words = shlex.split(text)

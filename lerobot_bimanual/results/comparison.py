@@ -110,7 +110,10 @@ def check_comparable(results: Results) -> None:
 
 
 def check_trainings(results: Results) -> None:
-    """Refuse trainings of one policy by several recipes, and those for one line that differ in more than weights and seeds."""
+    """Refuse trainings of one policy by several recipes.
+
+    Those for one line may differ in seeds alone, and must differ in their weights.
+    """
     _check_equal(results.items(), _facts_of_training)
     first: dict[tuple[str, str, str], Path] = {}
     for path, result in results.items():

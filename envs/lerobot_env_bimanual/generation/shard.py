@@ -78,7 +78,7 @@ def write_views(
 
     Args:
         folder: gets a folder per view.
-        episodes: each is written before the next one is asked for.
+        episodes: each is written before the next one is played.
         repo_id: LeRobot's name of the dataset.
         views: which rows are stored.
         cameras: whose images are stored.

@@ -121,7 +121,10 @@ class KeptEpisodes:
                 self._interrupted = []
                 journal.restart(head.model_dump_json())
         except BimanualError:  # a notebook keeps the error, and with it the journal
-            (journal.close if journal.header else journal.remove)()
+            if journal.header:
+                journal.close()
+            else:
+                journal.remove()
             raise
         self.known |= {entry.episode.seed: entry.episode for entry in self._interrupted}
         self._head, self._journal = head, journal

@@ -115,6 +115,10 @@ class LazyVectorEnv(VectorEnv):
     With `results_dir`, an episode that was played before is not played again: it is over, as it was then, after
     one step. So LeRobot's loop goes on where it was interrupted, and what it sums up is whole.
 
+    An action that cannot be executed, such as a NaN, ends the episode of its own environment as a failure; the others go on.
+    If the lengths of all actions are wrong, no environment steps and an error is raised. A worker process that dies is one
+    error, too, after which the next reset starts all environments anew.
+
     Args:
         make_envs: one picklable factory per environment; all with the same spaces. The first is called here
             for its spaces and metadata.
