@@ -1,9 +1,12 @@
 """Videos of episodes."""
 
+import shutil
+
 import av
 import numpy as np
 import pytest
 
+from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.world.video import VideoWriter
 
@@ -63,3 +66,15 @@ def test_an_episode_cut_short_is_filmed_as_unfinished(filming_env, tmp_path):
     filming_env.close()
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {f"lift_ball_v0_val_seed{seed}_unfinished.mp4" for seed in (5, 6)}
+
+
+def test_an_environment_goes_on_after_a_video_that_could_not_be_finished(filming_env, tmp_path):
+    filming_env.reset(seed=5)
+    filming_env.step(filming_env.scene.commanded)
+    shutil.rmtree(tmp_path)
+    with pytest.raises(BimanualError, match="cannot write videos"):
+        filming_env.reset(seed=6)
+    filming_env.reset(seed=6)
+    filming_env.step(filming_env.scene.commanded)
+    filming_env.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["lift_ball_v0_val_seed6_unfinished.mp4"]
