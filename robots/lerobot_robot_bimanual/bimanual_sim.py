@@ -12,7 +12,6 @@ from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
-from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.observations import PIXELS, env_key
@@ -51,8 +50,8 @@ class UntimedEnv(BimanualEnv):
     def log_outcome(self) -> None:
         """Log the outcome of the episode so far."""
         progress = self.progress
-        conditions = check(self._conditions, self.scene, known=progress.conditions)
-        unmet = ", ".join(name for name, met in conditions.items() if not met)
+        progress.complete(self._conditions, self.scene)
+        unmet = ", ".join(name for name, met in progress.conditions.items() if not met)
         verdict = "solved" if progress.succeeded else progress.failure or f"not solved, unmet: {unmet}"
         state = progress.ticks, self.state_hash()
         logger.info("%s: %s after %d ticks, state %s", self.episode_name, verdict, *state)
@@ -178,6 +177,7 @@ class BimanualSim(Robot):
 
         Raises:
             InvalidAction: names are missing or unknown, or a value is no finite number. The world did not change.
+            PlacementFailure: the next episode cannot begin; sending both hands home again begins the one after it.
             DeviceNotConnectedError: before `connect`.
         """
         env = self.env
@@ -205,8 +205,8 @@ class BimanualSim(Robot):
         self._env = None
 
     def _begin_episode(self, env: UntimedEnv) -> None:
-        env.reset(seed=self._next_seed)
-        self._next_seed += 1
+        self._next_seed += 1  # before the reset: a seed without a placement is not tried again
+        env.reset(seed=self._next_seed - 1)
         self._has_left_home = False
         logger.info('%s: "%s"', env.episode_name, env.task_description)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from lerobot.robots.config import RobotConfig
 
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.options import EnvOptions, checked_seed
 
 
@@ -35,3 +36,5 @@ class BimanualSimConfig(EnvOptions, RobotConfig):
         get_task(self.task).spec.variation_index(self.variation)
         checked_seed(self.seed)
         EnvOptions.__post_init__(self)
+        if self.control_mode == "keypose":
+            raise InvalidChoice("control_mode of a robot", self.control_mode, ["auto", "joint"])

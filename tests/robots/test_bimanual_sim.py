@@ -94,6 +94,34 @@ def test_an_episode_that_is_over_stands_still_and_time_alone_ends_none(make_robo
     assert robot.env.progress.seed == 1
 
 
+def test_an_episode_that_cannot_begin_is_passed_over_when_the_hands_are_sent_home_again(
+    make_robot, monkeypatch
+):
+    def fail(*_):
+        raise PlacementFailure("nowhere")
+
+    robot = make_robot()
+    robot.send_action(home(2 * AWAY_RAD))
+    with monkeypatch.context() as patch:
+        patch.setattr("lerobot_env_bimanual.worlds.EpisodeReset.start", fail)
+        with pytest.raises(PlacementFailure):
+            robot.send_action(home())
+    robot.send_action(home())
+    assert (robot.env.progress.seed, robot.env.progress.failure) == (2, "")
+
+
+def test_what_was_met_on_the_way_is_not_told_as_unmet(make_robot, caplog):
+    robot = make_robot(task="handover_item")
+    robot.send_action(home())
+    on_the_way = robot.env.progress.on_the_way
+    assert [*on_the_way.values()] == [False]
+    robot.env.progress.on_the_way = dict.fromkeys(on_the_way, True)
+    with caplog.at_level("INFO", "lerobot_robot_bimanual"):
+        robot.env.log_outcome()
+    assert "unmet: " in caplog.text
+    assert not any(name in caplog.text for name in on_the_way)
+
+
 def test_targets_outside_the_limits_are_clipped_and_told(make_robot):
     robot = make_robot()
     sent = robot.send_action(home() | {"left_joint1.pos": 9.0, "right_gripper.pos": -1.0})
@@ -122,6 +150,7 @@ def test_an_option_outside_its_choices_is_refused_with_the_choices():
         ({"task": "push_bocks"}, "push_box"),
         ({"seed": -1}, "2\\*\\*63"),
         ({"perturb": "earthquake:1"}, "mass"),
+        ({"control_mode": "keypose"}, "auto, joint"),
     ):
         with pytest.raises(BimanualError, match=named):
             BimanualSimConfig(**option)
