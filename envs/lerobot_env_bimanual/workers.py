@@ -97,7 +97,7 @@ class WorkerPool:
             label: text before the bar; without it there is no bar.
             unit: what an item is called.
             done: further items that the bar counts as done from the start.
-            name: names an item in messages.
+            name: names an item in errors.
             failed: makes the result of an item whose worker raised something or died, from the item and the reason.
                 Without it, that ends the work with an error.
             note: called with an item and its result as soon as there is one, whatever earlier items still take.
@@ -117,9 +117,9 @@ class WorkerPool:
         ):
             for index, answer in answers:
                 if isinstance(answer, BimanualError):
-                    if isinstance(answer, WorkFailed):
-                        answer = type(answer)(f"{name(items[index])}: {answer}")
                     if failed is None:
+                        if isinstance(answer, WorkFailed):
+                            answer.args = (f"{name(items[index])}: {answer}",)  # and it keeps its notes
                         raise answer
                     answer = failed(items[index], str(answer))
                 if note is not None:

@@ -44,7 +44,7 @@ def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(wor
         results = pool.map(jobs.double_or_die, words, "doubling", "word", failed=lambda _, reason: reason)
         one, lost, two, three = results
     assert (one, two, three) == ("aa", "bb", "cc")
-    assert lost.startswith("obstinate: its worker process died, also when it was tried alone")
+    assert lost.startswith("its worker process died, also when it was tried alone")
 
 
 def test_an_error_comes_home_as_it_was_raised_and_whatever_else_goes_wrong_in_words():
@@ -53,8 +53,9 @@ def test_an_error_comes_home_as_it_was_raised_and_whatever_else_goes_wrong_in_wo
         (jobs.raise_unportable, WorkFailed, r"7: unexpected Unportable: two numbers \(worker_jobs.py, line"),
         (jobs.result_without_a_pickle, WorkFailed, "7: unexpected .*pickle"),
     ):
-        with pytest.raises(error, match=complaint), WorkerPool(1) as pool:
+        with pytest.raises(error, match=complaint) as raised, WorkerPool(1) as pool:
             list(pool.map(function, ["7"], "trying", "number"))
+        assert raised.value.__notes__  # the traceback in the worker
 
 
 def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():

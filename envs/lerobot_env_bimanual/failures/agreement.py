@@ -33,7 +33,10 @@ def first_choices(record: EvaluationRecord, pool: WorkerPool) -> list[dict[str, 
         Per episode `seed`, `success`, and `left_plan` and `right_plan`, the numbers of the plans that the arms follow.
     """
     choices = functools.partial(_choices, record.task, tuple(record.options.items()))
-    found = pool.map(choices, record.episodes, f"{record.task}: first choices", "episode")
+    label = f"{record.task}: first choices"
+    found = pool.map(
+        choices, record.episodes, label, "episode", name=lambda each: f"{label}, seed {each.seed}"
+    )
     return [each for each in found if each is not None]
 
 

@@ -72,7 +72,10 @@ class Conditions:
         """Versions of the task's world in conditions, each found by an episode in a process of the pool."""
         perturbations = [perturb_text(*key) for key in keys]
         version, label = partial(world_version, self.task), f"{self.task}: worlds"
-        return dict(zip(keys, pool.map(version, perturbations, label, "condition"), strict=True))
+        found = pool.map(
+            version, perturbations, label, "condition", name=lambda each: f"{self.task} {each}".strip()
+        )
+        return dict(zip(keys, found, strict=True))
 
 
 def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = LEVELS) -> Conditions:
