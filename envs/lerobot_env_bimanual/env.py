@@ -48,8 +48,8 @@ class BimanualEnv(gym.Env):
 
     An episode is determined by task, setting, split, seed, variation and perturbations, bit for bit. Construction is cheap:
     each set of props is compiled at the first reset that draws it, OpenGL starts at the first image, and both come back after `close`.
-    A running environment cannot be pickled, but its `save_state()` can, and `restore_state` of another one with the same options
-    goes on from there.
+    A running environment cannot be copied or pickled, but its `save_state()` can, and `restore_state` of another one with the
+    same options goes on from there.
 
     Args:
         task: registered task name.
@@ -316,6 +316,14 @@ class BimanualEnv(gym.Env):
         """Go back to a saved state of an environment with the same options; the state may be used again."""
         self._progress = copy.deepcopy(state[1])
         self.scene.restore_state(state[0])
+
+    def __getstate__(self) -> object:
+        """What is copied or pickled; a running episode cannot be, as its world would be shared or lost."""
+        if self._progress is not None:
+            raise TypeError(
+                "a running environment cannot be copied: give its save_state() to restore_state() of a new one"
+            )
+        return super().__getstate__()
 
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""

@@ -1,11 +1,14 @@
 """An episode is determined bit for bit."""
 
+import copy
 import hashlib
+import pickle
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.registry import AXES
@@ -75,3 +78,10 @@ def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):
     episodes = unseeded_episodes()
     assert len(set(episodes)) == 2
     assert unseeded_episodes() == episodes
+
+
+@pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_running_environment_is_not_copied_so_that_no_two_share_a_world(duplicate, state_env):
+    state_env.reset(seed=0)
+    with pytest.raises(TypeError, match=r"save_state\(\)"):
+        duplicate(state_env)
