@@ -10,7 +10,7 @@ from pathlib import Path
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.cli.lerobot_program import TRUST_FLAG, run_program
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 
 
 def main() -> int:
@@ -30,12 +30,13 @@ def _check(values: Mapping[str, str]) -> None:
         if not values.get(name, "1").isdecimal() or not int(values.get(name, "1")):
             raise InvalidChoice(f"--{name}", values[name], "an integer of at least 1")
     if values.get("env.type") == "bimanual":
-        from lerobot_env_bimanual.tasks.registry import resolve_tasks
+        from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
         options = [field.name for field in fields(EnvOptions)]
         given = [name for name in options if f"env.{name}" in values]
         parse_flags(EnvOptions, [f"--{name}={values[f'env.{name}']}" for name in given])
-        resolve_tasks(values.get("env.task", "push_box"))
+        for task in resolve_tasks(values.get("env.task", "push_box")):
+            get_task(task).spec.variation_index(values.get("env.variation", ANY_VARIATION))
 
 
 def _evaluate(values: Mapping[str, str]) -> None:

@@ -97,6 +97,7 @@ MISTAKES = [
     (eval_program, f"{TRAINED} --env.imagesize=3", "Did you mean '--env.image_size'?"),
     (eval_program, f"{TRAINED} --env.image_size 3", "image_size is 3, but must be 8 to 4096"),
     (eval_program, f"{TRAINED} --env.task=lift_bal", "Did you mean 'lift_ball'?"),
+    (eval_program, f"{TRAINED} --env.task=lift_ball --env.variation=9", "variation of lift_ball is '9'"),
     (eval_program, f"{TRAINED} --n_episodes=3", "Did you mean '--eval.n_episodes'?"),
     (eval_program, f"{TRAINED} --eval.n_episodes=0", "an integer of at least 1"),
     (train_program, "--policy.type=peract3", "Did you mean 'peract2'?"),
