@@ -41,6 +41,7 @@ REFUSED = {
         "episodes=0": "episodes is 0",
         "first_seed=-1": "first_seed is -1",
         "axes=all": "output with --axes",
+        "levels=3": "axes is (), but must be given with --levels",
         "axes=masse output=made": "axis is 'masse'",
         "axes=mass levels=4 output=made": "levels is 4, but must be one of: 1, 2, 3",
     },

@@ -109,6 +109,8 @@ def _check(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> None:
     for name in fixed:
         if (value := getattr(config, name)) != (usual := getattr(ExpertEvaluateConfig, name)):
             raise InvalidChoice(f"{name} of the player {config.player!r}", value, [str(usual)])
+    if not config.axes and config.levels != ExpertEvaluateConfig.levels:
+        raise InvalidChoice("axes", config.axes, "given with --levels, such as --axes=mass or --axes=all")
     if config.axes:
         if config.output is None:
             raise InvalidChoice("output with --axes", None, ["a folder for one report per task"])
