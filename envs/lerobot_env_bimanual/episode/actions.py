@@ -108,7 +108,17 @@ class ActionReader:
         """
         if vector.size == KEYPOSE_DIM:
             return self._read_keypose(vector)
-        return self._read_joints(vector)
+        if not np.isfinite(vector).all():
+            bad = [JOINT_NAMES[i] for i in np.flatnonzero(~np.isfinite(vector))]
+            raise InvalidAction(f"joint action is not finite in: {', '.join(bad)}")
+        clipped = np.clip(vector, self.lower, self.upper)
+        for i in np.flatnonzero(np.abs(vector - clipped) > JOINT_TOLERANCE_RAD) if self._strict else ():
+            if not JOINT_NAMES[i].endswith("gripper"):
+                raise InvalidAction(
+                    f"{JOINT_NAMES[i]} = {vector[i]:.3f} rad is outside its limits "
+                    f"[{self.lower[i]:.3f}, {self.upper[i]:.3f}] by more than {JOINT_TOLERANCE_RAD} rad"
+                )
+        return clipped
 
     def limited(self, wanted: NDArray[np.float32], progress: EpisodeProgress) -> NDArray[np.float32]:
         """The action (16,) that the arms are given for a wanted one, after those that `progress` remembers."""
@@ -126,20 +136,6 @@ class ActionReader:
         slower = np.clip(slower, -most, most).clip(progress.change - more, progress.change + more)
         asked = (progress.asked + np.where(is_beyond, slower, step)).astype(np.float32)
         return np.clip(asked, self.lower, self.upper)
-
-    def _read_joints(self, vector: NDArray[np.float32]) -> NDArray[np.float32]:
-        if not np.isfinite(vector).all():
-            bad = [JOINT_NAMES[i] for i in np.flatnonzero(~np.isfinite(vector))]
-            raise InvalidAction(f"joint action is not finite in: {', '.join(bad)}")
-        clipped = np.clip(vector, self.lower, self.upper)
-        if self._strict:
-            for i in np.flatnonzero(np.abs(vector - clipped) > JOINT_TOLERANCE_RAD):
-                if not JOINT_NAMES[i].endswith("gripper"):
-                    raise InvalidAction(
-                        f"{JOINT_NAMES[i]} = {vector[i]:.3f} rad is outside its limits "
-                        f"[{self.lower[i]:.3f}, {self.upper[i]:.3f}] by more than {JOINT_TOLERANCE_RAD} rad"
-                    )
-        return clipped
 
     def _read_keypose(self, vector: NDArray) -> BimanualKeypose:
         try:

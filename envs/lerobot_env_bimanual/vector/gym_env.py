@@ -33,18 +33,8 @@ def make_env(
         BimanualError: an option is outside its choices.
     """
     env = BimanualEnv(task, render_mode=render_mode, **options)
-    return _with_keys_of_datasets(env) if checked_keys(keys) == "lerobot" else env
-
-
-def checked_keys(keys: Any) -> Keys:
-    """The names of an observation's arrays, refused unless they are of `Keys`."""
-    if keys not in get_args(Keys):
-        raise InvalidChoice("keys", keys, get_args(Keys))
-    return keys
-
-
-def _with_keys_of_datasets(env: BimanualEnv) -> gym.Env:
-    """An environment whose observations are rows of a `LeRobotDataset`."""
+    if checked_keys(keys) == "gymnasium":
+        return env
     found: Any = env.observation_space
     space: dict[str, Any] = {**found}
     pixels = space.pop(PIXELS, {})
@@ -52,3 +42,10 @@ def _with_keys_of_datasets(env: BimanualEnv) -> gym.Env:
         image_key(camera): spaces.Box(0, 1, (3, *box.shape[:2]), np.float32) for camera, box in pixels.items()
     }
     return TransformObservation(env, dataset_row, spaces.Dict(images | dataset_row(space)))
+
+
+def checked_keys(keys: Any) -> Keys:
+    """The names of an observation's arrays, refused unless they are of `Keys`."""
+    if keys not in get_args(Keys):
+        raise InvalidChoice("keys", keys, get_args(Keys))
+    return keys

@@ -23,7 +23,6 @@ from lerobot_bimanual.files import sha256
 from lerobot_env_bimanual.vector.evaluation import Evaluation
 
 OURS = "lerobot-bimanual-eval"
-PROGRAMS = ("lerobot-eval", OURS)
 
 
 def evaluation_of_program() -> Evaluation:
@@ -33,7 +32,7 @@ def evaluation_of_program() -> Evaluation:
         BimanualError: LeRobot would record the evaluation, which it cannot.
     """
     program = Path(sys.argv[0]).stem.replace("_", "-")
-    if program not in PROGRAMS:
+    if program not in ("lerobot-eval", OURS):
         return Evaluation()
     config = _command_line()  # pyright: ignore[reportCallIssue]  LeRobot's parser gives it
     if config.eval.recording:

@@ -12,7 +12,7 @@ from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.experts.recorder import Recorder, recording_options
 from lerobot_env_bimanual.options import STANDARD
-from lerobot_env_bimanual.verification.fault import Fault, first_of
+from lerobot_env_bimanual.verification.fault import Fault
 
 
 class Player:
@@ -30,12 +30,7 @@ class Player:
     def play(
         self, dataset: RecordedDataset, stored: RecordedEpisode, image_size: tuple[int, int]
     ) -> Demonstration:
-        """The episode, recorded again; its images can be asked for until another one is played.
-
-        Args:
-            dataset: whose cameras and rounding of keyposes are taken.
-            stored: an episode of it.
-            image_size: (height, width) of new images in pixels.
+        """An episode, recorded again, with images of `image_size` (height, width) until another one is played.
 
         Raises:
             BimanualError: it cannot be played, or is not solved.
@@ -63,13 +58,7 @@ class Player:
 
 
 def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demonstration) -> Iterator[Fault]:
-    """Every column of an episode is what the simulation gives, bit for bit.
-
-    Args:
-        dataset: its settings say which rows are stored.
-        stored: an episode of it.
-        played: the same episode, played again.
-    """
+    """Where the columns of an episode are not, bit for bit, those of the same episode played again."""
     if stored.meta.instruction != played.meta.instruction:
         yield Fault(f"the instruction is {stored.meta.instruction!r}, not {played.meta.instruction!r}")
     ticks = stored.columns[schema.TICK]
@@ -84,7 +73,9 @@ def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demo
         values = np.stack([np.squeeze(columns[key]) for columns in wanted])
         differs = np.zeros(len(stored), bool)
         differs[rows] = (stored.columns[key][rows] != values).reshape(len(rows), -1).any(axis=1)
-        yield from first_of(differs, f"{key} is not what the simulation gives")
+        if wrong := np.flatnonzero(differs).tolist():
+            more = f" (and {len(wrong) - 1} more rows)" if len(wrong) > 1 else ""
+            yield Fault(f"{key} is not what the simulation gives{more}", wrong[0])
 
 
 def setting(dataset: RecordedDataset, name: str, otherwise: Any) -> Any:

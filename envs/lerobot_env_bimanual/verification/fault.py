@@ -4,9 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from lerobot_bimanual.errors import BimanualError
 
 READABLE = "readable"
@@ -24,19 +21,6 @@ class Fault:
 
     text: str
     row: int | None = None
-
-
-def first_of(wrong_rows: ArrayLike, text: str) -> Iterator[Fault]:
-    """One fault for the first of the rows that are wrong, none if none is.
-
-    Args:
-        wrong_rows: (rows,) bool.
-        text: what is wrong with them.
-    """
-    rows = np.flatnonzero(wrong_rows)
-    if len(rows):
-        more = f" (and {len(rows) - 1} more rows)" if len(rows) > 1 else ""
-        yield Fault(text + more, int(rows[0]))
 
 
 class Findings(dict[str, list[Fault]]):
