@@ -159,8 +159,7 @@ class BimanualEnv(gym.Env):
                 LeRobot put there is for their wrappers.
 
         Raises:
-            InvalidChoice: a seed or options that are none.
-            InvalidChoice: the task has no such variation.
+            InvalidChoice: a seed or options that are none, or a variation that the task does not have.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         seed, chosen = checked_seed(seed), checked_reset_options(options)

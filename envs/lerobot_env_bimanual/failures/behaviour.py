@@ -14,10 +14,7 @@ def behaviour(
 ) -> dict[str, str]:
     """What episodes of one policy on one task were like, as cells of a table by heading.
 
-    Args:
-        episodes: all of them.
-        failures: of those that failed, or of a sample of them.
-        expert_ticks: control ticks that the expert took, by seed; may lack some.
+    Of the failures a sample is enough; `expert_ticks`, the control ticks that the expert took by seed, may lack some.
     """
     rate = success_rate(episodes)
     shares = [each.reached for each in failures if each.reached is not None]

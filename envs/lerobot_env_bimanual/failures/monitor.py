@@ -55,11 +55,7 @@ class EpisodeEvents:
 
 
 class EpisodeMonitor:
-    """Observes one episode without changing it by a bit.
-
-    Args:
-        env: the environment right after its reset; it must be `observed_by` the methods `note` and `note_step`.
-    """
+    """Observes one episode, from its reset on, without changing it by a bit: as `env.observed_by(note, note_step)`."""
 
     def __init__(self, env: BimanualEnv):
         self._env = env

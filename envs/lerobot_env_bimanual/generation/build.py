@@ -25,11 +25,7 @@ type Executor = AbstractContextManager[RecordShards]
 
 @contextmanager
 def process_executor(workers: int) -> Iterator[RecordShards]:
-    """Record shards with worker processes of this machine; an `Executor`.
-
-    Args:
-        workers: number of processes; 0 takes one per core.
-    """
+    """Record shards with worker processes of this machine, 0 for one per core; an `Executor`."""
     with WorkerPool(workers, preload=PRELOADED) as pool:
 
         def record(jobs: Sequence[Job], note: Callable[[int], object]) -> None:
@@ -40,11 +36,7 @@ def process_executor(workers: int) -> Iterator[RecordShards]:
 
 
 def build_dataset(staging: Staging, record: RecordShards) -> list[ShardReport]:
-    """Record what is missing, merge everything, and publish the dataset.
-
-    Args:
-        staging: where it grows; shards of an earlier run are taken over.
-        record: records the shards.
+    """Record what is missing, merge everything, and publish the dataset; shards of an earlier run are taken over.
 
     Returns:
         The reports of all shards, in the order of the episodes.
@@ -83,10 +75,8 @@ def build_dataset(staging: Staging, record: RecordShards) -> list[ShardReport]:
 def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
     """Merge a view of finished shards into one dataset, with its card and its checksums.
 
-    Every shard keeps its own files, so the time grows with the size of the dataset and not with its square.
-
-    Args:
-        job: folders of the shards, each with a folder of this view; new folder of the dataset; its provenance.
+    Every shard keeps its own files, so the time grows with the size of the dataset and not with its square. A job is the
+    folders of the shards, the new folder of the dataset, and its provenance.
     """
     from lerobot_bimanual.dataset.card import write_card
     from lerobot_bimanual.dataset.checksums import write_checksums

@@ -25,13 +25,7 @@ type Part = tuple[str, Options, tuple[Episode, ...], Path]
 
 
 def record_replays(part: Part, cameras: tuple[str, ...], size: tuple[int, int], **how: Any) -> list[str]:
-    """Replay episodes and write their rows.
-
-    Args:
-        part: what is replayed.
-        cameras: whose images are stored.
-        size: height and width of the images in pixels.
-        how: further arguments of `write_views`.
+    """Replay episodes and write their rows, with further arguments of `write_views`.
 
     Returns:
         Why episodes were left out, one sentence each; the folder is made unless all were.

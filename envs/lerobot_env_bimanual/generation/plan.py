@@ -49,11 +49,7 @@ class ShardReport(Record):
 
 
 def next_round(settings: GenerationSettings, reports: Sequence[ShardReport]) -> list[Shard]:
-    """Shards of the next round; empty when every episode is there.
-
-    Args:
-        settings: what is wanted.
-        reports: of all shards of the rounds before.
+    """Shards of the next round, given the reports of all rounds before; empty when every episode is there.
 
     Raises:
         DatasetError: an expert failed too often; the message lists the reasons.

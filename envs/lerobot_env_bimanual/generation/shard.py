@@ -74,17 +74,10 @@ def write_views(
     is_perturbed: bool,
     **how: Any,
 ) -> None:
-    """Write episodes as one dataset per view; as none if there are no episodes.
+    """Write episodes as one dataset per view in a folder, as none if there are no episodes.
 
-    Args:
-        folder: gets a folder per view.
-        episodes: each is written before the next one is played.
-        repo_id: LeRobot's name of the dataset.
-        views: which rows are stored.
-        cameras: whose images are stored.
-        size: height and width of the images in pixels.
-        is_perturbed: whether cameras may be elsewhere in every episode, so that every row holds its calibration.
-        how: further arguments of `ViewWriter`.
+    Each is written before the next one is played. Where an episode `is_perturbed`, cameras may be elsewhere, so every row holds
+    its calibration. `size` and what else is given are arguments of `ViewWriter`.
     """
     from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 

@@ -103,7 +103,7 @@ class Staging:
             self.discard()
 
     def discard(self) -> None:
-        """Remove the shards, of which the dataset has been made; `staged` removes the rest at its end."""
+        """Remove the shards; `staged` removes the rest at its end."""
         shutil.rmtree(self.folder / SHARDS)
 
 

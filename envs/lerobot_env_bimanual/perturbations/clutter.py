@@ -54,12 +54,7 @@ DIRECTIONS = np.stack([f(np.arange(32) * np.pi / 16) for f in (np.cos, np.sin)])
 
 
 class Obstacles:
-    """What is on the table, doors and drawers on their ways, and the ways of hands near the table.
-
-    Args:
-        scene: whose things have been placed.
-        stages: both ends of each stage of a script.
-    """
+    """What is on the table, doors and drawers on their ways, and the ways of hands between both ends of each stage."""
 
     def __init__(self, scene: Scene, stages: Sequence[tuple[BimanualKeypose, BimanualKeypose]]):
         self._centres, self._rotations, self._half_m = map(np.concatenate, zip(*_boxes(scene), strict=True))

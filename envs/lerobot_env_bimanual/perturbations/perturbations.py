@@ -27,11 +27,6 @@ class Perturbations:
     Every draw comes from a stream of its own, given by axis, hook, split, task and seed: neither another axis nor a level
     nor earlier episodes change it, and the episode's own generator is not used.
 
-    Args:
-        perturb: `AXIS:LEVEL`, several separated by commas; may be empty.
-        task: whose episodes they are.
-        split: of their seeds.
-
     Attributes:
         magnitudes: of each chosen axis, by its name.
         changes_model: whether the world is compiled differently.

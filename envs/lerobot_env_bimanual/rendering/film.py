@@ -120,11 +120,7 @@ def frame_of(
 ) -> dict[str, NDArray[np.float64]]:
     """Turn and zoom, as `Appearance` wears them, with which a fixed camera shows hands and moved objects at their largest.
 
-    Args:
-        scene: the scene; it is left in the last state.
-        camera: name of the camera, which is left where it is.
-        states: moments of the episode, from its start on.
-        size: height and width of the image, pixels.
+    The image is `size` (height, width) pixels large, the states are moments from the start on; the scene is left in the last one.
     """
     model, index = scene.model, scene.model.camera(camera).id
     places_m = np.empty((len(states), model.nbody, 3))

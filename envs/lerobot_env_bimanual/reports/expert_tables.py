@@ -210,10 +210,7 @@ def movable_items(task: str) -> int:
 
 
 def tasks_page(folder: Path) -> str:
-    """The page of all tasks, in all settings that have reports.
-
-    Args:
-        folder: holds a folder of expert reports per setting.
+    """The page of all tasks, in all settings of which there is a folder of expert reports in `folder`.
 
     Raises:
         BimanualError: there is no report of `standard`, or one of the reports is wrong.

@@ -79,12 +79,7 @@ class Conditions:
 
 
 def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = LEVELS) -> Conditions:
-    """The conditions of a task.
-
-    Args:
-        task: its name.
-        axes: names of axes; all that apply if none is given, but those for training.
-        levels: 1 to 3.
+    """The conditions of a task at levels of axes; without axes, of all that apply but those for training.
 
     Raises:
         BimanualError: no such task, axis or level, or no axis applies to the task.
@@ -156,11 +151,7 @@ def read_earlier[Result: (RobustnessResult, ExpertRobustnessReport)](
 
 
 def check_same(path: Path, name: str, theirs: object, ours: object) -> None:
-    """Refuse an earlier result that is of another measurement: what is called `name` differs from ours.
-
-    Raises:
-        BimanualError: it does.
-    """
+    """Raise a `BimanualError` if an earlier result is of another measurement: what is called `name` differs from ours."""
     if theirs != ours:
         raise BimanualError(
             f"{path} has {name} {theirs!r}, but here it is {ours!r}; choose another --output, or remove the file to "

@@ -80,12 +80,9 @@ class PolicyRollout:
     def play(
         self, perturb: str, records: Path, note: Callable[[int], object] = lambda _: None
     ) -> EvaluationRecord:
-        """Play the seeds in one condition, but for those that its record has already.
+        """Play the seeds in one condition, but for those that its record in the folder `records` has already.
 
-        Args:
-            perturb: the condition; empty in the nominal world.
-            records: folder of the environment's record, which `lerobot-bimanual results verify` plays again.
-            note: called after every batch with the number of its episodes.
+        After every batch `note` is called with the number of its episodes.
 
         Raises:
             BimanualError: the environment cannot be built, or left no record; the folder holds the record of another policy;
@@ -125,8 +122,7 @@ class PolicyRollout:
 def policy_player(folder: Path) -> Player:
     """The policy of a folder `pretrained_model` as a player, on the device of its config.
 
-    Args:
-        folder: the folder; LeRobot calls what its processor files name, so check a checkpoint from others first.
+    LeRobot calls what its processor files name, so check a checkpoint from others first.
 
     Raises:
         BimanualError: there is no checkpoint, or LeRobot cannot load it.

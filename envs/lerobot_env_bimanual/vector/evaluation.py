@@ -220,10 +220,7 @@ class EvaluationLog:
             self._kept = KeptEpisodes(Path(folder), task, options, environments, evaluation)
 
     def begin(self, seeds: Mapping[int, int | None]) -> dict[int, Episode | None]:
-        """Note which environments have just been reset.
-
-        Args:
-            seeds: environment -> seed of the episode that begins.
+        """Note which environments have just been reset, and their seeds.
 
         Returns:
             Environment -> its episode, if it has been played before, or None if it only fills up the batch. Neither is to be
@@ -240,12 +237,7 @@ class EvaluationLog:
         return settled
 
     def note(self, is_over: NDArray, info: Mapping[str, Any]) -> None:
-        """Log, and keep, the episodes that a step has ended.
-
-        Args:
-            is_over: (environments,) bool.
-            info: as a vector environment merges it: key -> one value per environment.
-        """
+        """Log, and keep, the episodes that a step has ended, given (environments,) bool and the merged info of the step."""
         for index in sorted(self._running):
             if is_over[index]:
                 self._running.remove(index)

@@ -47,9 +47,8 @@ class HoldAfterDone(gym.Wrapper):
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step, or the last transition again, without its reward.
 
-        Args:
-            action: of the episode. One that cannot be executed ends the episode as a failure; an `InvalidAction` does so
-                with its own text. `Settled` ends it at once.
+        An action that cannot be executed ends the episode as a failure; an `InvalidAction` in its place does so with its own
+        text, and `Settled` ends it at once.
         """
         if self._last is not None:
             return self._last

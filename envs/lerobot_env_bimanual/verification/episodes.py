@@ -27,12 +27,7 @@ type Options = tuple[tuple[str, str | int], ...]
 
 
 class EpisodeVerifier:
-    """Replays the episodes of one evaluation.
-
-    Args:
-        task: name of the task.
-        options: options of the evaluation by name.
-        seen: options of what is seen meanwhile.
+    """Replays the episodes of an evaluation in a `replay_env`.
 
     Attributes:
         env: the environment in which it replays; it may be observed.
@@ -93,13 +88,7 @@ def _verify(task: str, options: Options, episode: Episode) -> list[str]:
 
 
 def replay_env(task: str, options: Mapping[str, str | int], **seen: Any) -> BimanualEnv:
-    """An environment in which an evaluation is replayed.
-
-    Args:
-        task: name of the task.
-        options: options of the evaluation by name.
-        seen: options of what is seen meanwhile.
-    """
+    """An environment in which an evaluation is replayed, by its options; `seen` are those of what is seen meanwhile."""
     usual = EnvOptions()
     keywords = {name: type(getattr(usual, name))(options[name]) for name in REPLAY_OPTIONS if name in options}
     return BimanualEnv(task, obs="state", **keywords, **seen)

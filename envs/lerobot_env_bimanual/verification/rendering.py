@@ -31,14 +31,10 @@ frames have a block beyond 1000.
 
 
 def draw_rows(episode: RecordedEpisode, count: int, seed: int) -> list[int]:
-    """Rows whose images are compared, ascending: one in each of as many parts of the episode.
+    """Rows whose images are compared, ascending: one in each of `count` parts of the episode, or `ALL_ROWS`.
 
-    Any row may be drawn, and one where the hands move fast is likelier: there neighbouring images differ.
-
-    Args:
-        episode: its columns.
-        count: number of rows, `ALL_ROWS` for all.
-        seed: of the draw, together with the episode's index.
+    Any row may be drawn, and one where the hands move fast is likelier: there neighbouring images differ. The draw depends on
+    the seed and the episode's index.
     """
     rows = len(episode)
     if count == ALL_ROWS or count >= rows:
@@ -52,16 +48,10 @@ def draw_rows(episode: RecordedEpisode, count: int, seed: int) -> list[int]:
 
 
 class RenderedRows:
-    """Compares stored images with new ones, row by row.
+    """Compares stored images of some rows of an episode with those of the episode as it was played again.
 
     Depth and images in tables have to be equal to the pixel. Colours of videos have lost a little: every block of a frame
     has to be like the new image's.
-
-    Args:
-        episode: as it is stored.
-        played: as it was played again.
-        rows: that are compared.
-        is_video: whether colours are stored as video.
     """
 
     def __init__(self, episode: RecordedEpisode, played: Demonstration, rows: Iterable[int], is_video: bool):

@@ -87,13 +87,9 @@ class Verifier:
 def _inspected_images(
     reader: ImageReader, episode: int, rows: int, incomplete: list[Fault]
 ) -> Iterator[tuple[str, int, NDArray]]:
-    """(key, row, image) of all images of an episode, key by key; an image that cannot be decoded ends its key.
+    """(key, row, image) of all images of an episode that has so many rows, key by key.
 
-    Args:
-        reader: of the dataset.
-        episode: index.
-        rows: number of rows that the episode's table has.
-        incomplete: gets what is found.
+    An image that cannot be decoded ends its key; `incomplete` gets what is found.
     """
     for key, shape in reader.shapes.items():
         row, form = 0, (shape, np.dtype(np.uint16 if reader.is_depth(key) else np.uint8))
