@@ -12,7 +12,6 @@ from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.reader import RecordedEpisode
 from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.keypose_layout import POSITION
-from lerobot_env_bimanual.verification.fault import Fault
 
 RGB, DEPTH = "rendered RGB", "rendered depth"
 
@@ -47,44 +46,35 @@ def draw_rows(episode: RecordedEpisode, count: int, seed: int) -> list[int]:
     return [int(rng.choice(part, p=chances[part] / chances[part].sum())) for part in parts]
 
 
-class RenderedRows:
-    """Compares stored images of some rows of an episode with those of the episode as it was played again.
+def new_images(
+    episode: RecordedEpisode, played: Demonstration, rows: Iterable[int]
+) -> dict[int, dict[str, Any]]:
+    """Row -> its images by key, of the episode as it was played again; depth in whole millimetres, as datasets store it."""
+    ticks = episode.columns[schema.TICK].tolist()
+    return {
+        row: {
+            key: image if image.dtype == np.uint8 else feature_table.stored_depth(image[0])
+            for key, image in played.images(ticks[row]).items()
+        }
+        for row in rows
+        if 0 <= ticks[row] < played.rows
+    }
+
+
+def difference(image: NDArray, new: NDArray, is_video: bool) -> str:
+    """What tells a stored image from a new one, for a sentence; empty if nothing does.
 
     Depth and images in tables have to be equal to the pixel. Colours of videos have lost a little: every block of a frame
     has to be like the new image's.
     """
-
-    def __init__(self, episode: RecordedEpisode, played: Demonstration, rows: Iterable[int], is_video: bool):
-        ticks = episode.columns[schema.TICK].tolist()
-        new = {row: played.images(ticks[row]) for row in rows if 0 <= ticks[row] < played.rows}
-        # As a dataset stores them: depth in whole millimetres.
-        self._new: dict[int, dict[str, Any]] = {
-            row: {
-                key: image if image.dtype == np.uint8 else feature_table.stored_depth(image[0])
-                for key, image in images.items()
-            }
-            for row, images in new.items()
-        }
-        self._is_video = is_video
-        self._found: dict[str, list[Fault]] = {RGB: [], DEPTH: []}
-
-    def see(self, key: str, row: int, image: NDArray) -> None:
-        """Compare the image of a row, if it is one of those."""
-        if row not in self._new:
-            return
-        new = self._new[row][key]
-        if image.dtype == np.uint16:
-            if error_mm := int(np.abs(image.astype(np.int32) - new).max()):
-                self._found[DEPTH].append(Fault(f"{key} is wrong by up to {error_mm} mm", row))
-        elif self._is_video:
-            if text := _unlike(image, new):
-                self._found[RGB].append(Fault(f"{key} is unlike a new image: {text}", row))
-        elif pixels := int((image != new).any(axis=-1).sum()):
-            self._found[RGB].append(Fault(f"{key} differs from a new image in {pixels} pixels", row))
-
-    def faults(self) -> dict[str, list[Fault]]:
-        """What differs, by check, after the last row; of each check the first fault only."""
-        return {name: found[:1] for name, found in self._found.items()}
+    if image.dtype == np.uint16:
+        error_mm = int(np.abs(image.astype(np.int32) - new).max())
+        return f"is wrong by up to {error_mm} mm" if error_mm else ""
+    if is_video:
+        text = _unlike(image, new)
+        return f"is unlike a new image: {text}" if text else ""
+    pixels = int((image != new).any(axis=-1).sum())
+    return f"differs from a new image in {pixels} pixels" if pixels else ""
 
 
 def _unlike(frame: NDArray[np.uint8], new: NDArray[np.uint8]) -> str:

@@ -14,7 +14,7 @@ from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.verification.columns import Player, check_replay
 from lerobot_env_bimanual.verification.fault import READABLE, Fault, Findings
-from lerobot_env_bimanual.verification.rendering import RenderedRows, draw_rows
+from lerobot_env_bimanual.verification.rendering import DEPTH, RGB, difference, draw_rows, new_images
 
 COMPLETE = "images complete"
 
@@ -64,16 +64,15 @@ class Verifier:
 
     def _check_images(self, episode: RecordedEpisode, played: Demonstration | None, faults: Findings) -> None:
         """Decode every image once, and compare those of some rows with new ones."""
-        rendered, incomplete = None, faults.setdefault(COMPLETE, [])
+        new, found, incomplete = {}, dict[str, list[Fault]](), faults.setdefault(COMPLETE, [])
         if played is not None and self._rendered_rows:
-            is_video = self._dataset.view == "frames"
-            compared = draw_rows(episode, self._rendered_rows, self._seed)
-            rendered = RenderedRows(episode, played, compared, is_video)
+            rows = draw_rows(episode, self._rendered_rows, self._seed)
+            new, found = new_images(episode, played, rows), {RGB: [], DEPTH: []}
+        is_video = self._dataset.view == "frames"
         for key, row, image in _inspected_images(self._reader, episode.index, len(episode), incomplete):
-            if rendered is not None:
-                rendered.see(key, row, image)
-        if rendered is not None:
-            faults |= rendered.faults()
+            if row in new and (text := difference(image, new[row][key], is_video)):
+                found[DEPTH if image.dtype == np.uint16 else RGB].append(Fault(f"{key} {text}", row))
+        faults |= {check: differing[:1] for check, differing in found.items()}
 
     @cached_property
     def _dataset(self) -> RecordedDataset:
