@@ -24,8 +24,8 @@ class ExpertReportConfig:
 def expert_report(config: ExpertReportConfig) -> None:
     """Write the measured tables of all tasks, beside the paper's, from expert reports.
 
-    Every report must be of the world, split and first seed of that of the experts in its setting. Nothing is written if one is wrong. A
-    second page says in which perturbed conditions the experts still succeed.
+    Every report must be of the world, split and first seed of that of the experts in its setting. Nothing is written if one
+    is wrong. A second page says in which perturbed conditions the experts still succeed.
 
     Examples:
         lerobot-bimanual expert report

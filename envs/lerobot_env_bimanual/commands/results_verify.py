@@ -28,8 +28,8 @@ def results_verify(config: ResultsVerifyConfig) -> int:
 
     Each episode is replayed from its seed by the recorded actions: the state after every action must be the recorded one,
     bit for bit, and instruction, outcome, first tick of success, failure, ticks and keyposes must come out as claimed.
-    Exits with 1 if anything differs, and says where first; that is inconclusive if it was recorded with another C library. Expert and baseline episodes of a result are those of the
-    expert reports of the same world.
+    Exits with 1 if anything differs, and says where first; that is inconclusive if it was recorded with another C library.
+    Expert and baseline episodes of a result are those of the expert reports of the same world.
 
     Examples:
         lerobot-bimanual results verify --results=results/leaderboard
