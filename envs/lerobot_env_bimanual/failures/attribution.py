@@ -30,13 +30,7 @@ from lerobot_env_bimanual.experts.runner import expert_of
 from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
-from lerobot_env_bimanual.verification.episodes import (
-    Options,
-    expert_env,
-    proof_of,
-    recorded_actions,
-    replay_env,
-)
+from lerobot_env_bimanual.verification.episodes import Options, proof_of, recorded_actions, replay_env
 from lerobot_env_bimanual.workers import WorkerPool
 
 
@@ -84,9 +78,9 @@ class FailureAttributor:
     """Attributes the failed episodes of an evaluation with these options."""
 
     def __init__(self, task: str, options: Mapping[str, str | int]):
-        self._env = replay_env(task, options)
-        refuses_keyposes = options.get("control_mode") == "joint"
-        self._expert_env = expert_env(task, options) if refuses_keyposes else self._env
+        self._env = self._expert_env = replay_env(task, options)
+        if options.get("control_mode") == "joint":  # in which the expert cannot play
+            self._expert_env = replay_env(task, {**options, "control_mode": "auto"})
         self._expert: list[NDArray[np.float32]] = []
 
     def attribute(self, episode: Episode) -> Attribution:

@@ -94,11 +94,6 @@ def replay_env(task: str, options: Mapping[str, str | int], **seen: Any) -> Bima
     return BimanualEnv(task, obs="state", **keywords, **seen)
 
 
-def expert_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
-    """An environment in which the expert plays the same episodes, even if the policy gave joint actions only."""
-    return replay_env(task, dict(options) | {"control_mode": "auto"})
-
-
 def proof_of(episode: Episode) -> Proof:
     """The proof of an episode of an evaluation; every one has a proof."""
     assert episode.proof is not None
