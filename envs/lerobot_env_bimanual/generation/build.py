@@ -6,8 +6,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
-from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.dataset.schema import PROVENANCE_FILE, View
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.shard import Job, record_shard
 from lerobot_env_bimanual.generation.staging import Staging, new_folder, plain_write_errors, view_folder

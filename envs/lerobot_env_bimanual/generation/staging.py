@@ -21,8 +21,8 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from lerobot_bimanual.dataset.checksums import checksum_problems
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
-from lerobot_bimanual.dataset.schema import VIEWS
+from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.dataset.schema import PROVENANCE_FILE, VIEWS
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.files import move_durably
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
