@@ -14,9 +14,9 @@ from lerobot_bimanual.distributions import location
 from lerobot_bimanual.errors import InvalidChoice, did_you_mean, plain
 from lerobot_bimanual.files import read_json, read_yaml
 
-ALWAYS = ("config_path", "help", "trust_checkpoint")
-KEEP_FLAG = "keep_last"
-"""Flag of a training: how many checkpoints are kept; LeRobot does not know it."""
+TRUST_FLAG, KEEP_FLAG = "trust_checkpoint", "keep_last"
+"""Flags that LeRobot does not know: load what a checkpoint names without a check; of a training, how many checkpoints are kept."""
+ALWAYS = ("config_path", "help", TRUST_FLAG)
 OF_CHOICES = ("type", "path", "discover_packages_path")
 """Flags of every config that has several kinds, such as `--policy.type`."""
 SECTIONS = {"dataset": "DatasetConfig", "eval": "EvalConfig", "wandb": "WandBConfig"}
@@ -57,6 +57,21 @@ def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
                 f"unknown flag --{plain(flag)}.{guess} `--help` lists the flags, after LeRobot's import."
             )
     return values
+
+
+def without_ours(words: Sequence[str]) -> list[str]:
+    """What LeRobot is given of a command line: our flags go, and values that follow them as words of their own."""
+    ours = (f"--{TRUST_FLAG}", f"--{KEEP_FLAG}")
+    return [
+        word
+        for word, before in zip(words, ["", *words], strict=False)
+        if word.partition("=")[0] not in ours and (word.startswith("--") or before not in ours)
+    ]
+
+
+def is_trusted(words: Sequence[str]) -> bool:
+    """Whether a command line says to load what a checkpoint names without a check; the flag may be alone."""
+    return dict(_assignments(words)).get(TRUST_FLAG, "false").lower() in ("", "true")
 
 
 def _kind(family: str, values: Mapping[str, str]) -> str | None:

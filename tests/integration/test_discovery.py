@@ -13,7 +13,7 @@ from lerobot.utils.import_utils import register_third_party_plugins
 from programs import run
 
 from lerobot_bimanual.cli.flags import BadCommandLine
-from lerobot_bimanual.cli.lerobot_flags import check_flags
+from lerobot_bimanual.cli.lerobot_flags import check_flags, is_trusted, without_ours
 
 DISCOVER = """
 import json, sys
@@ -72,3 +72,21 @@ def test_the_flags_that_are_read_from_sources_are_those_of_the_configs(family, b
         check_flags([f"--{family}.type={kind}", *flags], "TrainPipelineConfig")
         with pytest.raises(BadCommandLine, match=f"--{family}.no_such_flag"):
             check_flags([f"--{family}.type={kind}", f"--{family}.no_such_flag=1"], "TrainPipelineConfig")
+
+
+@pytest.mark.parametrize(
+    ("ours", "trusted"),
+    [
+        (["--trust_checkpoint=true"], True),
+        (["--trust_checkpoint", "true"], True),
+        (["--trust_checkpoint"], True),
+        (["--trust_checkpoint=false"], False),
+        (["--keep_last", "2"], False),
+        (["--keep_last"], False),
+    ],
+)
+def test_lerobot_gets_none_of_our_flags(ours, trusted) -> None:
+    lerobots = ["--policy.path=a", "--steps", "3"]
+    for words in ([*ours, *lerobots], [*lerobots, *ours]):
+        assert without_ours(words) == lerobots
+        assert is_trusted(words) is trusted
