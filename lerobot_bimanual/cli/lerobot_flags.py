@@ -3,10 +3,10 @@
 What the sources do not say is let through, and LeRobot decides.
 """
 
-import pkgutil
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from importlib.metadata import distributions
 from pathlib import Path
 
 from lerobot_bimanual.cli.flags import BadCommandLine
@@ -22,7 +22,7 @@ OF_CHOICES = ("type", "path", "discover_packages_path")
 SECTIONS = {"dataset": "DatasetConfig", "eval": "EvalConfig", "wandb": "WandBConfig"}
 """Prefix of flags -> class in LeRobot's configs whose fields they are."""
 FAMILIES = {"policy": ("lerobot.policies", "lerobot_policy_"), "env": ("lerobot.envs", "lerobot_env_")}
-"""Prefix of flags of a config that has several kinds -> LeRobot's package of them, and how the names of other packages begin."""
+"""Prefix of flags of a config that has several kinds -> LeRobot's package of them, and how the names of plugins begin."""
 CLASS = re.compile(r"^class (\w+).*\n((?:(?: .*)?\n)*)", re.MULTILINE)
 FIELD = re.compile(r"^    (\w+): ", re.MULTILINE)
 KIND = re.compile(r"^@\w+\.register_subclass\(\s*(?:name=)?\"(\w+)\"", re.MULTILINE)
@@ -124,7 +124,7 @@ def _flags(config: str) -> Iterator[str]:
 def _text(family: str) -> str:
     """The sources of a family of configs, of LeRobot and of installed plugins; those of "configs" are LeRobot's others."""
     package, beginning = FAMILIES.get(family, ("lerobot.configs", "lerobot.configs"))
-    plugins = [each.name for each in pkgutil.iter_modules() if each.name.startswith(beginning)]
+    plugins = {each.name for each in distributions() if (each.name or "").startswith(beginning)}
     folders = filter(None, map(location, (package, *plugins)))
     paths = [path for folder in folders for path in (*folder.glob("*.py"), *folder.glob("*/config*.py"))]
     return "".join(path.read_text(encoding="utf-8") for path in sorted(paths))
