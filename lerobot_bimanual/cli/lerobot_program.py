@@ -13,6 +13,7 @@ from typing import Any, TextIO
 from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
 from lerobot_bimanual.cli.command_line import TRACEBACK_VARIABLE, answered
 from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG, TRUST_FLAG, check_flags, is_trusted, without_ours
+from lerobot_bimanual.distributions import installed_version
 from lerobot_bimanual.errors import BimanualError
 
 MAX_LINES = 3
@@ -61,6 +62,8 @@ def run_program(
     """
 
     def main() -> int:
+        if installed_version("lerobot") is None:
+            raise BimanualError("LeRobot is not installed: pip install 'lerobot_bimanual[lerobot]'")
         words = sys.argv[1:]
         values = check_flags(words, config)
         sys.argv[1:] = without_ours(words)

@@ -14,7 +14,7 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.utils.import_utils import register_third_party_plugins
 from programs import run
 
-from lerobot_bimanual.cli import lerobot_flags
+from lerobot_bimanual.cli import lerobot_flags, lerobot_program
 from lerobot_bimanual.cli.flags import BadCommandLine
 from lerobot_bimanual.cli.lerobot_flags import check_flags, is_trusted, without_ours
 
@@ -112,3 +112,10 @@ def test_a_plugin_is_found_by_the_name_of_its_distribution(tmp_path, monkeypatch
     lerobot_flags._text.cache_clear()
     check_flags(["--policy.type=foo", "--policy.width=3"], "TrainPipelineConfig")
     lerobot_flags._text.cache_clear()
+
+
+def test_lerobots_programs_say_that_it_is_not_installed(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(lerobot_program, "installed_version", lambda _: None)
+    program = ("lerobot-bimanual-eval", "EvalPipelineConfig")
+    assert lerobot_program.run_program(*program, check=print, work=print, progress=False) == 1
+    assert "pip install 'lerobot_bimanual[lerobot]'" in capsys.readouterr().err
