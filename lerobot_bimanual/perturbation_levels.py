@@ -15,9 +15,7 @@ def parse_levels(text: object) -> dict[str, int]:
     Raises:
         InvalidChoice: it has another form, a level that there is not, or an axis twice.
     """
-    form = [
-        f"empty, or AXIS:LEVEL with levels 0 to {MAX_LEVEL} and each axis once, as in 'camera_moved:2,mass:1'"
-    ]
+    form = f"empty, or AXIS:LEVEL with levels 0 to {MAX_LEVEL}, each axis once, as in 'camera_moved:2,mass:1'"
     if not isinstance(text, str):
         raise InvalidChoice("perturb", text, form)
     levels: dict[str, int] = {}

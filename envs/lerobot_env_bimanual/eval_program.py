@@ -8,7 +8,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from lerobot_bimanual.cli.flags import parse_flags
-from lerobot_bimanual.cli.lerobot_program import TRUST_FLAG, run_program
+from lerobot_bimanual.cli.lerobot_flags import is_trusted
+from lerobot_bimanual.cli.lerobot_program import run_program
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 
@@ -45,6 +46,6 @@ def _evaluate(values: Mapping[str, str]) -> None:
     import lerobot_env_bimanual.configuration_bimanual  # noqa: F401  registers the type: the package came before LeRobot
     from lerobot_env_bimanual.sweep.checkpoint import require_safe
 
-    if TRUST_FLAG not in sys.orig_argv and "help" not in values:
+    if not is_trusted(sys.orig_argv) and "help" not in values:
         require_safe(Path(values["policy.path"]))  # of the command line or of the file `--config_path`
     lerobot_eval.main()

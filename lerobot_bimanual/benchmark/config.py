@@ -139,15 +139,13 @@ def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
             trained.
     """
     copied = settings.model_dump(include={field.name for field in fields(BenchmarkConfig)})
-    usual = resolve(
-        BenchmarkConfig(**{name: copied[name] for name in ("policy", "task", "recipe", "protocol")})
-    )
     fixed = PROTOCOLS[settings.protocol].flags(settings.task)
     copied |= {name: None for name, value in fixed.items() if copied[name] == value}
     if settings.trained_on or settings.demos_variation:
         copied["val_episodes"] = None  # its last checkpoint is scored
-    # The options of the training depend on these numbers, too.
-    today = resolve(BenchmarkConfig(**copied)).training
+    usual = resolve(replace(BenchmarkConfig(**copied), **dict.fromkeys(NUMBERS)))
+    copied |= {name: None for name in NUMBERS if copied[name] == getattr(usual, name)}
+    today = resolve(BenchmarkConfig(**copied)).training  # it depends on these numbers, too
     if unset := today.keys() - settings.training.keys() - {*INCIDENTAL}:
         raise BimanualError(
             f"the recipe {settings.recipe!r} of {settings.policy!r} now sets {', '.join(sorted(unset))}, without which the "
@@ -158,7 +156,6 @@ def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
         for name, value in settings.training.items()
         if name not in INCIDENTAL and (name not in today or today[name] != value)
     }
-    copied |= {name: None for name in NUMBERS if copied[name] == getattr(usual, name)}
     copied["train_flags"] = shlex.join(flag_words(differing))
     copied["eval_flags"] = shlex.join(flag_words(settings.evaluation))
     return BenchmarkConfig(**copied)
@@ -175,8 +172,8 @@ def command(config: BenchmarkConfig) -> str:
 
 
 def beyond_recipe(config: BenchmarkConfig) -> str:
-    """Flags of `policy benchmark` that change what is trained or how it is scored; "" if there are none."""
-    named = ("policy", "task", "protocol", "variation", "recipe", "device")
+    """Flags of `policy benchmark` that change how a policy is trained or scored, but for its seeds; "" if there are none."""
+    named = ("policy", "task", "protocol", "variation", "recipe", "device", "seed", "first_demo_seed")
     return " ".join(word for name, word in _words(config).items() if name not in named)
 
 

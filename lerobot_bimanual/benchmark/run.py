@@ -122,7 +122,7 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
             checkpoint_step=step,
             checkpoint_sha256=sha256(plan.weights(step)),
             training_seconds=round(training.seconds(plan.training()), 1),
-            machine=Machine.this(),
+            machine=Machine.this(settings.device),
             options=tested.options,
             batch_size=tested.batch_size,
             versions=tested.versions,

@@ -3,10 +3,10 @@
 What the sources do not say is let through, and LeRobot decides.
 """
 
-import pkgutil
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from importlib.metadata import distributions
 from pathlib import Path
 
 from lerobot_bimanual.cli.flags import BadCommandLine
@@ -14,15 +14,15 @@ from lerobot_bimanual.distributions import location
 from lerobot_bimanual.errors import InvalidChoice, did_you_mean, plain
 from lerobot_bimanual.files import read_json, read_yaml
 
-ALWAYS = ("config_path", "help", "trust_checkpoint")
-KEEP_FLAG = "keep_last"
-"""Flag of a training: how many checkpoints are kept; LeRobot does not know it."""
+TRUST_FLAG, KEEP_FLAG = "trust_checkpoint", "keep_last"
+"""Flags that LeRobot does not know: load what a checkpoint names without a check; of a training, how many checkpoints are kept."""
+ALWAYS = ("config_path", "help", TRUST_FLAG)
 OF_CHOICES = ("type", "path", "discover_packages_path")
 """Flags of every config that has several kinds, such as `--policy.type`."""
 SECTIONS = {"dataset": "DatasetConfig", "eval": "EvalConfig", "wandb": "WandBConfig"}
 """Prefix of flags -> class in LeRobot's configs whose fields they are."""
 FAMILIES = {"policy": ("lerobot.policies", "lerobot_policy_"), "env": ("lerobot.envs", "lerobot_env_")}
-"""Prefix of flags of a config that has several kinds -> LeRobot's package of them, and how the names of other packages begin."""
+"""Prefix of flags of a config that has several kinds -> LeRobot's package of them, and how the names of plugins begin."""
 CLASS = re.compile(r"^class (\w+).*\n((?:(?: .*)?\n)*)", re.MULTILINE)
 FIELD = re.compile(r"^    (\w+): ", re.MULTILINE)
 KIND = re.compile(r"^@\w+\.register_subclass\(\s*(?:name=)?\"(\w+)\"", re.MULTILINE)
@@ -57,6 +57,21 @@ def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
                 f"unknown flag --{plain(flag)}.{guess} `--help` lists the flags, after LeRobot's import."
             )
     return values
+
+
+def without_ours(words: Sequence[str]) -> list[str]:
+    """What LeRobot is given of a command line: our flags go, and values that follow them as words of their own."""
+    ours = (f"--{TRUST_FLAG}", f"--{KEEP_FLAG}")
+    return [
+        word
+        for word, before in zip(words, ["", *words], strict=False)
+        if word.partition("=")[0] not in ours and (word.startswith("--") or before not in ours)
+    ]
+
+
+def is_trusted(words: Sequence[str]) -> bool:
+    """Whether a command line says to load what a checkpoint names without a check; the flag may be alone."""
+    return dict(_assignments(words)).get(TRUST_FLAG, "false").lower() in ("", "true")
 
 
 def _kind(family: str, values: Mapping[str, str]) -> str | None:
@@ -109,7 +124,7 @@ def _flags(config: str) -> Iterator[str]:
 def _text(family: str) -> str:
     """The sources of a family of configs, of LeRobot and of installed plugins; those of "configs" are LeRobot's others."""
     package, beginning = FAMILIES.get(family, ("lerobot.configs", "lerobot.configs"))
-    plugins = [each.name for each in pkgutil.iter_modules() if each.name.startswith(beginning)]
+    plugins = {each.name for each in distributions() if (each.name or "").startswith(beginning)}
     folders = filter(None, map(location, (package, *plugins)))
     paths = [path for folder in folders for path in (*folder.glob("*.py"), *folder.glob("*/config*.py"))]
     return "".join(path.read_text(encoding="utf-8") for path in sorted(paths))

@@ -12,11 +12,10 @@ from typing import Any, TextIO
 
 from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
 from lerobot_bimanual.cli.command_line import TRACEBACK_VARIABLE, answered
-from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG, check_flags
+from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG, TRUST_FLAG, check_flags, is_trusted, without_ours
+from lerobot_bimanual.distributions import installed_version
 from lerobot_bimanual.errors import BimanualError
 
-TRUST_FLAG = "--trust_checkpoint=true"
-"""Loads what a checkpoint of `--policy.path` or of a resumed training names, without a check; LeRobot does not know it."""
 MAX_LINES = 3
 """Longer messages are dumps of configs and metrics, or tracebacks of libraries that go on without what they lack."""
 
@@ -63,24 +62,24 @@ def run_program(
     """
 
     def main() -> int:
+        if installed_version("lerobot") is None:
+            raise BimanualError("LeRobot is not installed: pip install 'lerobot_bimanual[lerobot]'")
         words = sys.argv[1:]
         values = check_flags(words, config)
-        keep, pairs = f"--{KEEP_FLAG}", zip(words, ["", *words], strict=False)
-        sys.argv[1:] = [
-            word for word, last in pairs if last != keep and not word.startswith((TRUST_FLAG, keep))
-        ]
+        sys.argv[1:] = without_ours(words)
         if "help" in values:
-            print(f"flags of ours: {TRUST_FLAG}; in trainings --{KEEP_FLAG}=N. All others are LeRobot's:\n")
+            ours = f"--{TRUST_FLAG}=true; in trainings --{KEEP_FLAG}=N"
+            print(f"flags of ours: {ours}. All others are LeRobot's:\n")
             filtered: Any = Filtered(sys.stderr, progress)
             with redirect_stderr(filtered):
                 work(values)
             return 0
         if path := values.get("policy.path"):
             require_checkpoint_if_local(path)
-            if not Path(path).is_dir() and TRUST_FLAG not in words:
+            if not Path(path).is_dir() and not is_trusted(words):
                 raise BimanualError(
                     f"{path} is on the Hub, where nothing can check it: `hf download {path} --local-dir=FOLDER` and give "
-                    f"the folder, or {TRUST_FLAG} where you trust its source"
+                    f"the folder, or --{TRUST_FLAG}=true where you trust its source"
                 )
         check(values)
         print(f"{program}: importing LeRobot", file=sys.stderr)

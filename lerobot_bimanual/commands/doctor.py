@@ -85,6 +85,7 @@ def check_packages() -> Iterator[Finding]:
     """Python, our distributions and the packages that they need, against the ranges that they declare."""
     from packaging.requirements import Requirement
     from packaging.specifiers import SpecifierSet
+    from packaging.utils import canonicalize_name
 
     with_lerobot = any(map(installed_version, ("lerobot", *PLUGINS[1:])))
     extras = ("", "lerobot") if with_lerobot else ("",)
@@ -93,11 +94,11 @@ def check_packages() -> Iterator[Finding]:
         if installed_version(distribution) is None:
             yield Finding(distribution, "warn", "not installed", REPAIR)
             continue
-        ranges.setdefault(distribution, SpecifierSet())
+        ranges.setdefault(canonicalize_name(distribution), SpecifierSet())
         for requirement in map(Requirement, metadata.requires(distribution) or []):
             if requirement.marker is None or any(requirement.marker.evaluate({"extra": e}) for e in extras):
-                earlier = ranges.get(requirement.name, SpecifierSet())
-                ranges[requirement.name] = earlier & requirement.specifier
+                name = canonicalize_name(requirement.name)
+                ranges[name] = ranges.get(name, SpecifierSet()) & requirement.specifier
     if not with_lerobot:
         remedy = "for datasets, training and evaluation: pip install 'lerobot_env_bimanual[lerobot]'"
         yield Finding("lerobot", "info", "not installed; environments and experts do without", remedy)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -47,8 +48,8 @@ def policy_new(config: NewConfig) -> None:
 
 def _write(package: str, template: str, old: str, name: str, target: Path) -> None:
     """Write what is in a folder of a package, with another name, into a new folder."""
-    if not re.fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", name):
-        raise InvalidChoice("name", name, "small letters and digits, with underscores between words")
+    if not re.fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
+        raise InvalidChoice("name", name, "small letters and digits, underscores between words, no keyword")
     if target.exists():
         raise BimanualError(f"{target} is there already: choose another --output")
     source = (location(package) or Path()) / template

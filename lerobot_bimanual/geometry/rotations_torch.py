@@ -3,8 +3,7 @@
 import torch
 from torch import Tensor
 
-SINGULAR_COSINE = 1e-6
-"""That of `rotations`."""
+from lerobot_bimanual.geometry.rotations import SINGULAR_COSINE
 
 
 def quat_wxyz_canonical(quat_wxyz: Tensor) -> Tensor:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from statistics import fmean, stdev
@@ -45,7 +44,8 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
             config = shortest_config(each.config)
         except BimanualError as error:
             raise BimanualError(f"{path}: {error}") from error
-        again, beyond[path] = command(config), beyond_recipe(config)
+        again, flags = command(config), beyond_recipe(config)
+        beyond[path] = f"`{flags}`" if flags else ABSENT
     table: Any = results_table(results.values())
     return render(
         "lerobot_bimanual.reports",
@@ -161,18 +161,13 @@ def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Map
             "steps": each.config.steps,
             "minutes": each.training_seconds / 60,
             "machine": each.machine.gpu or f"{each.machine.cpus} cores",
-            "beyond the recipe": _without_seed(beyond[path]) if path in beyond else NOT_INSTALLED,
+            "beyond the recipe": beyond.get(path, NOT_INSTALLED),
         }
         for path, each in results
     )
     settings = ["policy", "protocol", "demos", "steps", "machine", "beyond the recipe"]
     lines = table.groupby(settings).agg({"results": "count", "minutes": _range}).reset_index()
     return lines[table.columns]
-
-
-def _without_seed(flags: str) -> str:
-    flags = re.sub(r"--(first_demo_)?seed=\d+ ?", "", flags).strip()
-    return f"`{flags}`" if flags else ABSENT
 
 
 def _range(minutes: pd.Series) -> str:

@@ -136,17 +136,17 @@ class Demonstrations(Record):
 
 
 class Machine(Record):
-    """Machine on which a policy was trained: the cores that the training could use, and the first GPU's name."""
+    """Machine on which a policy was trained: the cores that the training could use, and the first GPU's name if it did."""
 
     cpus: PositiveInt
     gpu: Text | None = None
 
     @classmethod
-    def this(cls) -> Self:
-        """The machine at hand."""
+    def this(cls, device: str | None) -> Self:
+        """The machine at hand, for a training on that device of torch, or on the one that LeRobot chooses."""
         import torch
 
-        gpu = torch.cuda.get_device_name(0) if torch.cuda.is_available() else None
+        gpu = torch.cuda.get_device_name(0) if device != "cpu" and torch.cuda.is_available() else None
         return cls(cpus=usable_cores(), gpu=gpu)
 
 

@@ -18,6 +18,7 @@ def test_wrong_and_absent_packages_come_with_the_command_that_mends_them(monkeyp
         name: findings[name].level for name in ("mujoco", "frankik", "numpy", "lerobot_policy_bimanual")
     }
     assert [*levels.values()] == ["fail", "fail", "ok", "warn"]
+    assert [name for name in findings if name.replace("-", "_") == "lerobot_bimanual"] == ["lerobot-bimanual"]
 
 
 @pytest.mark.parametrize("program", ["raise RuntimeError('driver broken')", "import time; time.sleep(60)"])

@@ -3,6 +3,8 @@
 import json
 import sys
 from dataclasses import fields
+from importlib.util import spec_from_file_location
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,8 +14,9 @@ from lerobot.envs.configs import EnvConfig
 from lerobot.utils.import_utils import register_third_party_plugins
 from programs import run
 
+from lerobot_bimanual.cli import lerobot_flags, lerobot_program
 from lerobot_bimanual.cli.flags import BadCommandLine
-from lerobot_bimanual.cli.lerobot_flags import check_flags
+from lerobot_bimanual.cli.lerobot_flags import check_flags, is_trusted, without_ours
 
 DISCOVER = """
 import json, sys
@@ -72,3 +75,47 @@ def test_the_flags_that_are_read_from_sources_are_those_of_the_configs(family, b
         check_flags([f"--{family}.type={kind}", *flags], "TrainPipelineConfig")
         with pytest.raises(BadCommandLine, match=f"--{family}.no_such_flag"):
             check_flags([f"--{family}.type={kind}", f"--{family}.no_such_flag=1"], "TrainPipelineConfig")
+
+
+@pytest.mark.parametrize(
+    ("ours", "trusted"),
+    [
+        (["--trust_checkpoint=true"], True),
+        (["--trust_checkpoint", "true"], True),
+        (["--trust_checkpoint"], True),
+        (["--trust_checkpoint=false"], False),
+        (["--keep_last", "2"], False),
+        (["--keep_last"], False),
+    ],
+)
+def test_lerobot_gets_none_of_our_flags(ours, trusted) -> None:
+    lerobots = ["--policy.path=a", "--steps", "3"]
+    for words in ([*ours, *lerobots], [*lerobots, *ours]):
+        assert without_ours(words) == lerobots
+        assert is_trusted(words) is trusted
+
+
+def test_a_plugin_is_found_by_the_name_of_its_distribution(tmp_path, monkeypatch) -> None:
+    """No folder of the path lists the modules of an editable install that a finder leads to."""
+    source, info = tmp_path / "source", tmp_path / "lerobot_policy_foo-0.1.dist-info"
+    source.mkdir()
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lerobot_policy_foo\nVersion: 0.1\n")
+    (source / "__init__.py").touch()
+    (source / "configuration_foo.py").write_text(
+        '@PreTrainedConfig.register_subclass("foo")\nclass Foo:\n    width: int\n'
+    )
+    spec = spec_from_file_location("lerobot_policy_foo", source / "__init__.py")
+    finder = SimpleNamespace(find_spec=lambda name, *_: spec if name == "lerobot_policy_foo" else None)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
+    lerobot_flags._text.cache_clear()
+    check_flags(["--policy.type=foo", "--policy.width=3"], "TrainPipelineConfig")
+    lerobot_flags._text.cache_clear()
+
+
+def test_lerobots_programs_say_that_it_is_not_installed(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(lerobot_program, "installed_version", lambda _: None)
+    program = ("lerobot-bimanual-eval", "EvalPipelineConfig")
+    assert lerobot_program.run_program(*program, check=print, work=print, progress=False) == 1
+    assert "pip install 'lerobot_bimanual[lerobot]'" in capsys.readouterr().err

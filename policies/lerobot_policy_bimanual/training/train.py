@@ -29,7 +29,7 @@ from lerobot.scripts import lerobot_train
 from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
-from lerobot_bimanual.cli.lerobot_program import TRUST_FLAG
+from lerobot_bimanual.cli.lerobot_flags import is_trusted
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import check_output_folder, share_files
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
@@ -201,7 +201,7 @@ def check_training(cfg: TrainPipelineConfig) -> None:
         CheckpointError: the checkpoint that it starts from does not pass `check_checkpoint`, and no flag says to trust it.
     """
     path = getattr(cfg.policy, "pretrained_path", None)
-    if path is not None and TRUST_FLAG not in sys.orig_argv:
+    if path is not None and not is_trusted(sys.orig_argv):
         check_checkpoint(Path(path))
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
