@@ -23,6 +23,7 @@ from lerobot_bimanual.reports.robustness import expert_robustness_page, print_ro
 from lerobot_bimanual.results.benchmark import Machine
 from lerobot_bimanual.results.expert_report import ExpertReport, VariationLoad
 from lerobot_bimanual.results.record import Record
+from lerobot_env_bimanual.reports.expert_tables import tasks_page
 
 EVIL = "<script>a</script> x`|\n# Injected\r\n[l](javascript:a) \x1b[2J\x9b{: onclick=a }\u202e`<img src=x onerror=a>"
 HOSTILE = (EVIL, f"y`{EVIL}`y", "A" * 10**6)
@@ -99,11 +100,15 @@ def show(datasets, tmp_path, capsys) -> dict[type[Record], Callable[[Any], str]]
         print_robustness(record)
         return capsys.readouterr().out
 
+    def experts(record: Any) -> str:
+        record.write(tmp_path / "experts/standard/expert.json")
+        return tasks_page(tmp_path / "experts")
+
     return {
         type(RESULT): lambda record: benchmark_page({Path("a.json"): record}, Path(EVIL)),
         type(ROBUSTNESS): robustness,
         type(EXPERT_REPORT): lambda record: expert_robustness_page({record.task: record}),
-        type(EXPERT): lambda _: "",  # tests of the environment see to the pages of experts
+        type(EXPERT): experts,
         Provenance: card,
     }
 

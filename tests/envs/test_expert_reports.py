@@ -182,7 +182,7 @@ def test_a_page_shows_what_was_played_in_each_setting(tmp_path):
     put_report(tmp_path, VARIED, EXACT, 9)
     page = tasks_page(tmp_path)
     assert "In `varied`" in page
-    assert all(f"{ticks / 20:.1f} s" in page for ticks in (70,))  # of the paper's table
+    assert "3.5 s" in page  # of 70 ticks, in the paper's table
     assert "1 do not hold: lift_ball, variation 0: 9/10 is less than 99%" in page
 
 
@@ -208,8 +208,11 @@ def test_reports_that_do_not_belong_together_are_refused(tmp_path, setting, chan
         ExpertReports.read(tmp_path / setting)
 
 
-def test_a_folder_without_reports_is_refused_with_the_command_that_writes_them(tmp_path):
+def test_a_folder_without_reports_or_with_a_task_that_is_never_solved_is_refused(tmp_path):
     with pytest.raises(BimanualError, match="expert evaluate --variation=each"):
+        expert_report(ExpertReportConfig(expert_reports=tmp_path))
+    put_report(tmp_path, STANDARD, EXACT, 0)
+    with pytest.raises(BimanualError, match="no episode of lift_ball, variation 0, was solved"):
         expert_report(ExpertReportConfig(expert_reports=tmp_path))
 
 
