@@ -42,7 +42,7 @@ FURTHER: dict[str, tuple[str, ...]] = {
 ELSEWHERE = {
     "make |source |set |[A-Z]+=|echo ": "of the shell, or they set this repository up",
     "pip |.*pre-commit|hf |.*dataset push|.*smolvla": "need the network",
-    "ray |RAY|torchrun|lerobot-train --policy.type=peract2": "need machines or a GPU; test_generate_ray.py has two machines",
+    "ray |RAY|torchrun|lerobot-train --policy.type=peract2": "need machines or a GPU; test_generate.py has two machines",
     ".*(raise_block|my_task)": "need a task of one's own, of which test_examples.py has the same",
     "lerobot-(replay|rollout)|python -m lerobot|.*local/demonstrations": "robots/test_programs.py plays the same",
     "lerobot-bimanual results verify --results=results/leaderboard": "test_results.py replays an episode of drawn rows",

@@ -1,7 +1,10 @@
-"""Tables and links in the documents are true."""
+"""Tables and links in the documents are true; their site is built, holds together, and asks the network for nothing."""
 
+import os
 import re
 import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -99,3 +102,18 @@ def test_the_table_of_the_readme_has_the_policies_that_were_scored(tmp_path: Pat
         "|expert|100.0 (68-100)|",
         "|open loop|25.0 (7-59)|",
     ]
+
+
+LOADED = re.compile(r"""<(?:script|img|link|source|iframe)[^>]*?(?:src|href)=["']?(https?:[^"'\s>]+)""")
+
+
+@pytest.mark.slow
+def test_the_site_is_built_and_no_page_loads_anything_from_the_network(tmp_path: Path) -> None:
+    command = [Path(sys.executable).with_name("mkdocs"), "build", "--strict", f"--site-dir={tmp_path}"]
+    variables = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    built = subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stdout + built.stderr
+    pages = {page.name: page.read_text(encoding="utf-8") for page in tmp_path.rglob("*.html")}
+    assert "lerobot_env_bimanual.BimanualEnv.step" in pages["api.html"]
+    assert "--episodes_per_shard" in pages["cli.html"]
+    assert not {address for text in pages.values() for address in LOADED.findall(text)}

@@ -1,4 +1,4 @@
-"""What is committed of results: the page is that of the rows, and every trained policy belongs to a row."""
+"""What is committed of results: pages are those of rows and reports, of present worlds; every trained policy belongs to a row."""
 
 import shlex
 from pathlib import Path
@@ -13,10 +13,13 @@ from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.files import sha256
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
+from lerobot_bimanual.reports.robustness import expert_robustness_page
 from lerobot_bimanual.results.benchmark import BenchmarkResult, BenchmarkSettings
 from lerobot_bimanual.results.expert_report import ExpertReport
+from lerobot_bimanual.results.robustness import perturb_text, read_expert_robustness
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.sweep.conditions import conditions_of
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
@@ -112,3 +115,28 @@ def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Pa
     for room in sorted(rooms):
         config = ResultsVerifyConfig(results=room, sample=1, sample_seed=seed)
         assert results_verify(config) == 0, f"--sample_seed={seed}: {capsys.readouterr().out}"
+
+
+PERTURBED = ROOT / "results/expert_reports/perturbed"
+EXPERTS = read_expert_robustness(PERTURBED) if PERTURBED.is_dir() else {}
+
+
+def test_the_page_of_the_experts_is_that_of_their_reports():
+    assert (ROOT / "docs/expert_robustness.md").read_text() == expert_robustness_page(EXPERTS)
+
+
+def test_a_report_of_the_expert_has_every_condition_that_changes_what_happens():
+    worlds = ExpertReport.read(ROOT / "results/expert_reports/standard/expert.json").worlds
+    for task, report in EXPERTS.items():
+        conditions = conditions_of(task)
+        played = [key for key in conditions if conditions.played_as(key) == key]
+        assert [each.key for each in report.conditions] == played
+        assert report.nominal.world == worlds[task]
+
+
+@pytest.mark.slow
+def test_a_condition_drawn_at_random_of_each_file_is_of_the_present_world():
+    """Others in every run."""
+    for result in EXPERTS.values():
+        condition = result.conditions[np.random.default_rng().integers(len(result.conditions))]
+        assert condition.world == world_version(result.task, perturb_text(*condition.key)), condition.name

@@ -1,12 +1,11 @@
-"""Frozen CLIP as language encoder, on a tower that is made here: nothing is downloaded."""
+"""Frozen CLIP as language encoder, on a tower and a tokenizer in miniature: nothing is downloaded."""
 
 import shutil
 from pathlib import Path
 
 import pytest
 import torch
-from tiny_clip import END, START, save_tokenizer, text_config
-from transformers import CLIPTextModel, CLIPTokenizer
+from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
 
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.nn.clip import ClipLanguage
@@ -14,6 +13,30 @@ from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 DIM, CONTEXT, TOKENS = 16, 12, 8
+START, END = "<|startoftext|>", "<|endoftext|>"
+LETTERS = "abcdefghijklmnopqrstuvwxyz"
+SYMBOLS = ["!", *LETTERS, *(f"{letter}</w>" for letter in (*LETTERS, ":")), "th", "the</w>", START, END]
+
+
+def save_tokenizer(folder: Path) -> None:
+    """It knows letters and the word "the"."""
+    merges = [("t", "h"), ("th", "e</w>")]
+    vocabulary = {symbol: index for index, symbol in enumerate(SYMBOLS)}
+    CLIPTokenizer(vocab=vocabulary, merges=merges).save_pretrained(folder)
+
+
+def text_config(dim: int, context: int) -> CLIPTextConfig:
+    """Of a text tower for that tokenizer."""
+    return CLIPTextConfig(
+        vocab_size=len(SYMBOLS),
+        hidden_size=dim,
+        intermediate_size=2 * dim,
+        num_hidden_layers=2,
+        num_attention_heads=2,
+        max_position_embeddings=context,
+        bos_token_id=SYMBOLS.index(START),
+        eos_token_id=SYMBOLS.index(END),
+    )
 
 
 @pytest.fixture(scope="module")
