@@ -14,10 +14,8 @@ def test_wrong_and_absent_packages_come_with_the_command_that_mends_them(monkeyp
     monkeypatch.setattr(command, "installed_version", lambda name: others.get(name, real(name)))
     findings = {finding.subject: finding for finding in command.check_packages()}
     assert findings["mujoco"].remedy == "pip install 'mujoco<5,>=3.10'"
-    levels = {
-        name: findings[name].level for name in ("mujoco", "frankik", "numpy", "lerobot_policy_bimanual")
-    }
-    assert [*levels.values()] == ["fail", "fail", "ok", "warn"]
+    names = ("mujoco", "frankik", "numpy", "lerobot_policy_bimanual")
+    assert [findings[name].level for name in names] == ["fail", "fail", "ok", "warn"]
 
 
 @pytest.mark.parametrize(

@@ -42,9 +42,7 @@ def steps(monkeypatch) -> list[tuple[str, str]]:
     return done
 
 
-def test_everything_in_a_folder_is_on_the_disk_before_it_is_renamed_and_the_name_after(
-    tmp_path, steps
-) -> None:
+def test_everything_in_a_folder_is_on_the_disk_before_it_is_renamed_and_the_name_after(tmp_path, steps):
     (tmp_path / "new/deep").mkdir(parents=True)
     (tmp_path / "new/a").write_text("a")
     (tmp_path / "new/deep/b").write_text("b")
@@ -59,10 +57,8 @@ def test_what_a_killed_process_left_is_removed_by_the_next_and_what_others_write
     child = subprocess.Popen([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "a[1].json")])
     assert child.wait() == -signal.SIGKILL
     (left,) = tmp_path.iterdir()
-    others = [
-        left.with_name(left.name.replace(str(child.pid), str(os.getppid()))),
-        tmp_path / ".b.json.1.partial",
-    ]
+    of_another_process = left.with_name(left.name.replace(str(child.pid), str(os.getppid())))
+    others = [of_another_process, tmp_path / ".b.json.1.partial"]
     for other in others:
         other.touch()
     write_file(tmp_path / "a[1].json", "new")
@@ -99,19 +95,11 @@ def test_a_yaml_file_runs_nothing_and_stands_for_no_more_than_it_holds(content, 
 
 
 V2 = {"job/cpu.max": "150000 100000", "job/memory.max": "3000", "job/memory.current": "2500"}
-V1 = {
-    "cpu/cpu.cfs_quota_us": "150000",
-    "cpu/cpu.cfs_period_us": "100000",
-    "memory/memory.limit_in_bytes": "3000",
-    "memory/memory.usage_in_bytes": "2500",
-    "memory/memory.stat": "cache 900\ntotal_inactive_file 500\n",
-}
-FREE = {
-    "cpu.max": "max 100000",
-    "cpu/cpu.cfs_quota_us": "-1",
-    "cpu/cpu.cfs_period_us": "100000",
-    "memory.max": "max",
-}
+V1 = {"cpu/cpu.cfs_quota_us": "150000", "cpu/cpu.cfs_period_us": "100000"}
+V1 |= {"memory/memory.limit_in_bytes": "3000", "memory/memory.usage_in_bytes": "2500"}
+V1 |= {"memory/memory.stat": "cache 900\ntotal_inactive_file 500\n"}
+FREE = {"cpu.max": "max 100000", "cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}
+FREE |= {"memory.max": "max"}
 
 
 @pytest.mark.parametrize(
@@ -124,9 +112,7 @@ FREE = {
         ("", {}, 4, 7 * 1024),
     ],
 )
-def test_cores_and_memory_are_within_affinity_and_control_groups(
-    path, files, cores, memory, tmp_path, monkeypatch
-):
+def test_cores_and_memory_are_within_affinity_and_groups(path, files, cores, memory, tmp_path, monkeypatch):
     monkeypatch.setattr(resources.os, "sched_getaffinity", lambda _: range(4))
     monkeypatch.setattr(resources, "PROCESS", tmp_path / "cgroup")
     monkeypatch.setattr(resources, "GROUPS", tmp_path)

@@ -161,10 +161,8 @@ def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, trai
     first = trainings.seconds(command)
     training.code = 0
     trainings.run(command)
-    assert training.calls == [
-        [*NEW_TRAINING, kept],
-        ["lerobot-train", f"--config_path={training.last}", *RESUMED, kept],
-    ]
+    resumed = ["lerobot-train", f"--config_path={training.last}", *RESUMED, kept]
+    assert training.calls == [[*NEW_TRAINING, kept], resumed]
     assert trainings.seconds(command) > first  # both runs are counted
     trainings.run(command)
     assert len(training.calls) == 2
@@ -242,9 +240,7 @@ def benchmark(tmp_path) -> tuple[subprocess.Popen[str], int]:
     return process, int(process.stdout.readline())
 
 
-def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_how_to_go_on(
-    tmp_path, benchmark
-):
+def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_how_to_go_on(tmp_path, benchmark):
     process, program = benchmark
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     _, errors = process.communicate(timeout=30)

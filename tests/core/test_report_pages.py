@@ -84,14 +84,8 @@ def test_results_that_are_not_comparable_are_refused(config, fields, message, re
 @pytest.mark.parametrize(
     ("config", "flags"),
     [
-        (
-            {"demos_perturb": "mass:1"},
-            "`--demos=2 --val_episodes=2 --test_episodes=4 --demos_perturb=mass:1`",
-        ),
-        (
-            {"training": RESULT.config.training | {"policy.more": "a b", "policy.depth": 3.0}},
-            "--policy.more=a b",
-        ),
+        ({"demos_perturb": "mass:1"}, "--demos=2 --val_episodes=2 --test_episodes=4 --demos_perturb=mass:1`"),
+        ({"training": RESULT.config.training | {"policy.more": "a b", "policy.depth": 3.0}}, "more=a b"),
     ],
 )
 def test_a_page_says_how_a_result_departs_from_todays_recipe(config, flags, results: Path):

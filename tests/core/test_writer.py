@@ -32,9 +32,8 @@ def test_lerobot_loads_what_was_written_and_our_reader_decodes_the_same(
     dataset = LeRobotDataset("local/test", root=datasets[view], video_backend="pyav")
     assert (len(dataset), dataset.num_episodes) == (2 * rows, 2)
     assert dataset.fps == (20 if view == "frames" else 1)  # LeRobot's timestamps of keyframes count rows
-    assert [key for key in dataset_to_policy_features(dataset.meta.features) if key.startswith("action")] == [
-        "action"
-    ]
+    read_by_policies = dataset_to_policy_features(dataset.meta.features)
+    assert [key for key in read_by_policies if key.startswith("action")] == ["action"]
     assert dataset.meta.robot_type == schema.ROBOT_TYPE
     episode, reader = make_episode(1), ImageReader(datasets[view])
     decoded = {key: [*reader.images(1, key)] for key in reader.shapes}
@@ -80,9 +79,7 @@ def test_what_holds_for_all_rows_is_in_the_metadata_once_and_a_row_of_another_ca
     seen, last = make_episode(0), make_episode(0).final_observation[schema.CAMERA_EXTRINSICS]
     last[47] += 1e-6
     moved = replace(seen, final_observation=seen.final_observation | {schema.CAMERA_EXTRINSICS: last})
-    with ViewWriter(
-        tmp_path / "x", "local/x", "keyframes", CAMERAS, *SIZE, calibration=calibration
-    ) as writer:
+    with ViewWriter(tmp_path / "x", "a/x", "keyframes", CAMERAS, *SIZE, calibration=calibration) as writer:
         write_episode(seen, [writer])
         with pytest.raises(DatasetError, match="the calibration of a row differs"):
             write_episode(moved, [writer])

@@ -58,10 +58,7 @@ def test_experts_must_succeed_in_99_percent_and_97_percent_rounded(player, discr
         ({"moves": (MoveReport("beside", 20, 1.0, 30.0),), "late_moves": (0,)}, "1 and 30 mm"),
         ({"replayed": False}, "replay"),
         ({"keyframes_found": False}, "keyframe discovery is right in 0 of 1"),
-        (
-            {"load": LIGHT.model_copy(update={"contact_force_n": 554.0})},
-            "contact_force_n is 554, but must be",
-        ),
+        ({"load": LIGHT.model_copy(update={"contact_force_n": 554.0})}, "contact_force_n is 554, but must"),
     ],
 )
 def test_a_flaw_of_a_solved_episode_is_a_violation(flaw, violation):
@@ -72,12 +69,8 @@ def test_a_flaw_of_a_solved_episode_is_a_violation(flaw, violation):
 
 def test_baselines_must_fail():
     assert violations("noop", "test", False, outcomes(0, 50)) == []
-    for player, task, solved in (
-        ("noop", "lift_ball", 1),
-        ("random", "lift_ball", 1),
-        ("open_loop", "lift_ball", 6),
-    ):
-        few, many = (outcomes(n, 50 - n, task=task) for n in (solved - 1, solved))
+    for player, solved in (("noop", 1), ("random", 1), ("open_loop", 6)):
+        few, many = (outcomes(n, 50 - n) for n in (solved - 1, solved))
         assert violations(player, "test", False, few) == []
         (found,) = violations(player, "test", False, many)
         assert f"{player} succeeds in {solved} of 50" in found
@@ -120,10 +113,8 @@ def test_a_committed_report_has_enough_episodes_of_every_variation_of_its_tasks(
         assert all(len(report.of_task(task)) >= few for task in report.tasks), (setting, name)
         if (setting, "noop") in REPORTS:  # which is played last
             varied = {task for task, variation in VARIATIONS if variation == 1}
-            assert {*report.tasks} == (varied if name == LANGUAGE_ABLATED else {*list_tasks()}), (
-                setting,
-                name,
-            )
+            expected = varied if name == LANGUAGE_ABLATED else {*list_tasks()}
+            assert {*report.tasks} == expected, (setting, name)
 
 
 def again(setting: str, name: str, task: str, variation: int, index: int):
@@ -199,9 +190,8 @@ def test_reports_that_do_not_belong_together_are_refused(tmp_path, setting, chan
     put_report(tmp_path, STANDARD, "nearest", 4)
     changed = tmp_path / STANDARD / "nearest.json"
     report = ExpertReport.read(changed)
-    seeds = [
-        each.model_copy(update={"seed": each.seed + changes.get("first_seed", 0)}) for each in report.episodes
-    ]
+    later = changes.get("first_seed", 0)
+    seeds = [each.model_copy(update={"seed": each.seed + later}) for each in report.episodes]
     ExpertReport.of(**dict(report) | {"episodes": tuple(seeds)} | changes).write(changed)
     (tmp_path / STANDARD).rename(tmp_path / setting)
     with pytest.raises(BimanualError, match=named):
@@ -259,9 +249,8 @@ def test_a_change_of_what_happens_changes_it(monkeypatch, change):
 
 def test_a_threshold_that_the_probed_episode_never_meets_counts(monkeypatch):
     def with_rest(speed_m_s: float) -> str:
-        monkeypatch.setattr(
-            LiftBall, "spec", replace(SPEC, success=(*SPEC.success, AtRest("ball", speed_m_s)))
-        )
+        spec = replace(SPEC, success=(*SPEC.success, AtRest("ball", speed_m_s)))
+        monkeypatch.setattr(LiftBall, "spec", spec)
         return version_now()
 
     assert with_rest(100.0) != with_rest(200.0)

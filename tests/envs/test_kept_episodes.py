@@ -38,9 +38,7 @@ class Program:
     def __init__(self, folder: Path, asynchronous=False, policy="a", seeds=SEEDS, **options):
         self.steps, self.successes = 0, []
         self._rng = np.random.default_rng(0)
-        who = Evaluation(
-            {"type": policy} if policy else {}, seeds, self._random_state, self._set_random_state
-        )
+        who = Evaluation({"type": policy} if policy else {}, seeds, self._state, self._set_state)
         make = partial(BimanualEnv, "lift_ball", obs="state", **options)
         self.envs = LazyVectorEnv(
             [make] * 2, asynchronous=asynchronous, evaluation=who, results_dir=str(folder)
@@ -71,10 +69,10 @@ class Program:
         self.envs._drop()
         self.envs._episodes._kept._journal.close()
 
-    def _random_state(self) -> str:
+    def _state(self) -> str:
         return str(self._rng.bit_generator.state)
 
-    def _set_random_state(self, text: str) -> None:
+    def _set_state(self, text: str) -> None:
         self._rng.bit_generator.state = ast.literal_eval(text)
 
 

@@ -204,9 +204,8 @@ def test_paraphrases_are_distinct_and_new_and_name_what_every_instruction_names(
     for variation in spec.variations:
         nominal = spec.instructions_for(variation)
         sentences = [template.format(**variation.words) for template in templates]
-        assert len({sentence.lower().strip(" .?!") for sentence in [*nominal, *sentences]}) == len(
-            [*nominal, *sentences]
-        )
+        texts = [*nominal, *sentences]
+        assert len({text.lower().strip(" .?!") for text in texts}) == len(texts)
         verbs = {template.split()[0] for template in paraphrases()[task]["1"]}
         assert not verbs.intersection(" ".join(paraphrases()[task]["training"]).split())
         needed = [word for word in variation.words.values() if all(word in text for text in nominal)]

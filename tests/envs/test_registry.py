@@ -68,10 +68,10 @@ def test_the_verb_lists_every_task_for_programs(capsys):
 @pytest.mark.parametrize(
     ("group", "every"),
     [
-        ("tasks", "from lerobot_bimanual.cli import main; raise SystemExit(main(['task', 'list']))"),
+        ("tasks", "from lerobot_bimanual.cli import main; exit(main(['task', 'list']))"),
         (
             "perturbations",
-            "from lerobot_env_bimanual.sweep.conditions import conditions_of; conditions_of('lift_ball')",
+            "from lerobot_env_bimanual.sweep import conditions as c; c.conditions_of('lift_ball')",
         ),
     ],
 )
@@ -84,9 +84,7 @@ def test_what_is_broken_in_another_distribution_is_a_warning_and_nothing_more(gr
     (metadata / "entry_points.txt").write_text("\n".join([f"[lerobot_bimanual.{group}]", *lines]))
     (tmp_path / "raises.py").write_text("raise RuntimeError('\\x1b[2J' + 'x' * 10**6)")
     (tmp_path / "ends.py").write_text("raise SystemExit(0)")
-    one = (
-        "from lerobot_bimanual.cli import main; raise SystemExit(main(['task', 'list', '--task=lift_ball']))"
-    )
+    one = "from lerobot_bimanual.cli import main; exit(main(['task', 'list', '--task=lift_ball']))"
     for program, skipped in ((every, {"raises", "ends", "absent"}), (one, set())):
         done = subprocess.run(
             [sys.executable, "-c", program],
@@ -135,7 +133,5 @@ def test_options_hold_one_form_and_axes_that_cannot_be_are_refused():
 
 
 def test_a_perturbed_world_has_a_version_of_its_own_even_if_it_only_looks_different():
-    versions = [
-        world_version("lift_ball", perturb) for perturb in ("", "mass:1", "camera_moved:1", "camera_moved:2")
-    ]
-    assert len(set(versions)) == len(versions)
+    perturbs = ("", "mass:1", "camera_moved:1", "camera_moved:2")
+    assert len({world_version("lift_ball", perturb) for perturb in perturbs}) == len(perturbs)

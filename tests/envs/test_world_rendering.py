@@ -61,9 +61,8 @@ def cameras_of(scene: Scene, height: int = SIZE, width: int = SIZE):
 
 def without_gl(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
     env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "LP_NUM_THREADS")}
-    return subprocess.run(
-        (sys.executable, "-c", program), capture_output=True, text=True, env=env | variables
-    )
+    command = (sys.executable, "-c", program)
+    return subprocess.run(command, capture_output=True, text=True, env=env | variables)
 
 
 def test_arrays_are_never_reused(scene):
