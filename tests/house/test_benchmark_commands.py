@@ -3,6 +3,7 @@
 import shlex
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -66,15 +67,13 @@ def test_several_policies_and_tasks_are_benchmarks_of_which_a_failure_stops_no_o
 
     def start(words, log):
         started.append(words)
-        running.append(
-            subprocess.Popen([sys.executable, "-c", f"raise SystemExit({len(running) == 1})"], stdout=log)
-        )
+        program = f"raise SystemExit({len(running) == 1})"
+        running.append(subprocess.Popen([sys.executable, "-c", program], stdout=log))
         return running[-1]
 
     monkeypatch.setattr(column, "start", start)
-    monkeypatch.setattr(
-        column.BenchmarkResult, "read", lambda _: SimpleNamespace(rates={"policy": SuccessRate(48, 50)})
-    )
+    result = SimpleNamespace(rates={"policy": SuccessRate(48, 50)})
+    monkeypatch.setattr(column.BenchmarkResult, "read", lambda _: result)
     config = BenchmarkConfig("peract2,rvt_lf", "lift_ball,push_box", lanes=2, output=tmp_path)
     asked = column.cells(config, ["lift_ball", "push_box"])
     with pytest.raises(BimanualError, match=r"1 of 4 failed; .*logs/push_box_peract2_small_seed1000.log"):
@@ -130,19 +129,14 @@ FILES = sorted(PACKAGES.glob("*/recipes/*.yaml"))
 
 
 def test_every_policy_has_a_recipe_of_every_size():
-    policies = {
-        path.parent.name.removeprefix("configuration_") for path in PACKAGES.glob("*/configuration_*.py")
-    }
-    assert {(path.parts[-3], path.stem) for path in FILES} == {
-        (policy, size) for policy in policies | STOCK for size in SIZES
-    }
+    policies = {path.parent.name for path in PACKAGES.glob("*/configuration_*.py")}
+    assert {(path.parts[-3], path.stem) for path in FILES} == {*product(policies | STOCK, SIZES)}
 
 
 def test_all_recipes_are_listed_with_their_files(capsys, monkeypatch):
     policy_recipes(RecipesConfig())
-    assert {word for word in capsys.readouterr().out.split() if word.endswith(".yaml")} == set(
-        map(str, FILES)
-    )
+    printed = capsys.readouterr().out.split()
+    assert {word for word in printed if word.endswith(".yaml")} == set(map(str, FILES))
     monkeypatch.setattr("lerobot_bimanual.commands.policy_recipes.entries", lambda _: {})
     with pytest.raises(BimanualError, match="no recipes are installed"):
         policy_recipes(RecipesConfig())

@@ -92,9 +92,8 @@ def test_make_knows_every_target_that_is_named() -> None:
 
 def test_the_files_that_commands_read_exist() -> None:
     named = {word.rpartition("=")[2] for words in ALL for word in words}
-    paths = {
-        word for word in named if re.match(r"(results|examples|scripts|benchmarks|policies)/[\w./-]+$", word)
-    }
+    folders = "results|examples|scripts|benchmarks|policies"
+    paths = {word for word in named if re.match(rf"({folders})/[\w./-]+$", word)}
     filled_by_commands = ("results/leaderboard", "results/robustness", "results/expert_reports")
     written = {word for word in paths if word.startswith(filled_by_commands)}
     assert len(paths) > 10
@@ -116,9 +115,8 @@ def test_the_commands_and_programs_of_every_page_run(tmp_path: Path) -> None:
     for place, source in ROOM.items():
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).symlink_to(ROOT / source)
-    first = [
-        ROOT / f"{name}.md" for name in ("README", "docs/training", "docs/failures")
-    ]  # leave what others read
+    # What these leave, others read.
+    first = [ROOT / f"{name}.md" for name in ("README", "docs/training", "docs/failures")]
     pages = dict.fromkeys([*first, *DOCUMENTS, *sorted(ROOT.glob("examples/*.sh"))])
     for words in dict.fromkeys(tuple(small(words)) for words in commands(*pages)):
         if re.match("|".join(ELSEWHERE), " ".join(words)):

@@ -155,9 +155,8 @@ def test_an_output_that_cannot_be_written_is_named_before_the_work(command, tmp_
     monkeypatch.setattr("lerobot_bimanual.dataset.reader.find_view", lambda *_: None)
     monkeypatch.setattr("lerobot_bimanual.commands.policy_benchmark.check_task", lambda _: None)
     (tmp_path / "file").touch()
-    assert (
-        cli.main([*command.split(), *NEEDED.get(command, []), f"--output={tmp_path / 'file/page.png'}"]) == 1
-    )
+    words = [*command.split(), *NEEDED.get(command, []), f"--output={tmp_path / 'file/page.png'}"]
+    assert cli.main(words) == 1
     message = capsys.readouterr().err.strip()
     assert message.startswith("lerobot-bimanual: cannot write ")
     assert "\n" not in message

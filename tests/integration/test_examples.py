@@ -23,9 +23,7 @@ def evaluation(folder: Path) -> dict:
 
 def test_make_watch_shows_a_policy_that_solves_its_task(tmp_path):
     said = run("make", "--dry-run", "watch", f"WATCH={tmp_path}", folder=EXAMPLES.parent)
-    (line,) = [
-        line for line in said.replace("\\\n", "").splitlines() if "lerobot-bimanual-eval --policy" in line
-    ]
+    (line,) = [line for line in said.replace("\\\n", "").splitlines() if "bimanual-eval --policy" in line]
     run("lerobot-bimanual-eval", *shlex.split(line)[1:], "--eval.n_episodes=2", folder=EXAMPLES.parent)
     videos = [path.stem for path in (tmp_path / "videos").glob("*.mp4")]
     assert len(videos) == 2

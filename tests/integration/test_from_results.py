@@ -48,9 +48,7 @@ def records(tmp_path_factory):
     return folder / "lift_ball_test_record.json"
 
 
-def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views(
-    records, played_again, tmp_path, capsys
-):
+def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes(records, played_again, tmp_path, capsys):
     played = EvaluationRecord.read(records).episodes
     assert [episode.success for episode in played] == [True, True, False, False]
     root = tmp_path / "played"

@@ -59,9 +59,8 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
     recorded = dataset.episode(1)
     rows = [i for i, index in enumerate(keyframes.hf_dataset["episode_index"]) if index == 1]
     items = {int(item["tick"]): item for i in rows if isinstance(item := keyframes[i], dict)}
-    env = BimanualEnv(
-        "lift_ball", variation=0, split="train", cameras=cameras, image_size=(24, 32), control_mode="joint"
-    )
+    options = {"cameras": cameras, "image_size": (24, 32), "control_mode": "joint"}
+    env = BimanualEnv("lift_ball", variation=0, split="train", **options)
     observation, _ = env.reset(seed=recorded.meta.seed)
     for tick, action in enumerate([*recorded.columns[schema.ACTION], None]):
         if (item := items.get(tick)) is not None:

@@ -109,18 +109,14 @@ def test_a_policy_learns_on_frozen_tokens_which_are_neither_trained_nor_saved_an
 
 @pytest.mark.parametrize(("tokens", "dim"), [(TOKENS, 2 * DIM), (CONTEXT + 1, DIM)])
 def test_sizes_that_do_not_fit_the_tower_are_refused(tower, tokens, dim):
-    with pytest.raises(
-        BadConfig, match=f"{CONTEXT} tokens of width {DIM}.*language_tokens={tokens} and language_dim={dim}"
-    ):
+    message = f"{CONTEXT} tokens of width {DIM}.*language_tokens={tokens} and language_dim={dim}"
+    with pytest.raises(BadConfig, match=message):
         encoder(tower, tokens, dim)
 
 
 @pytest.mark.parametrize(
     ("file", "content", "reason"),
-    [
-        ("model.safetensors", b"cut off", "deserializing header"),
-        ("tokenizer.json", b"{", "Expecting property name"),
-    ],
+    [("model.safetensors", b"cut off", "deserializing"), ("tokenizer.json", b"{", "Expecting property name")],
 )
 def test_a_policy_names_a_tower_that_cannot_be_loaded(tower, file, content, reason, tiny, tmp_path):
     damaged = shutil.copytree(tower, tmp_path / "tower")

@@ -163,19 +163,15 @@ def test_processors_leave_observations_alone_and_survive_saving(policy_type, mak
     pre.save_pretrained(tmp_path)
     post.save_pretrained(tmp_path)
     batch, keypose = make_batch(), torch.rand(2, 18)
-    for preprocess, postprocess in (
-        (pre, post),
-        make_pre_post_processors(config, pretrained_path=str(tmp_path)),
-    ):
+    again = make_pre_post_processors(config, pretrained_path=str(tmp_path))
+    for preprocess, postprocess in ((pre, post), again):
         processed = preprocess(dict(batch))
         assert_equal_batches({key: processed[key] for key in batch}, batch)
         assert torch.equal(postprocess(keypose), keypose)
 
 
 @pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2), (None, 25)])
-def test_the_horizon_is_that_of_the_dataset_or_of_the_papers_code_and_kept(
-    make_policy, tmp_path, largest, horizon
-):
+def test_the_horizon_is_of_the_dataset_or_the_papers_code_and_kept(make_policy, tmp_path, largest, horizon):
     stats = None if largest is None else {KEYPOSE_STEP: {"max": np.array([largest])}}
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
@@ -228,10 +224,8 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
         if loss < 0.01:
             break
     assert loss < 0.01
-    predicted, truth = (
-        policy.codec.encode(policy.select_action(batch)),
-        policy.codec.encode(batch[ACTION]),
-    )
+    predicted = policy.codec.encode(policy.select_action(batch))
+    truth = policy.codec.encode(batch[ACTION])
     assert (predicted.voxel - truth.voxel).abs().max() <= 1
     turn = (predicted.rotation - truth.rotation).abs() % 72
     assert torch.minimum(turn, 72 - turn).max() <= 1

@@ -224,6 +224,4 @@ def test_the_goal_is_marked_where_it_lies_in_the_grid_and_is_seen_in_every_view(
     for sample, (x, y, z) in enumerate(voxel):
         assert marked[sample].argmax() == (x * VOXELS + y) * VOXELS + z
         assert marked[sample, x, y, z] == 1
-        assert (
-            views[sample].flatten(1).argmax(1).tolist() == (rows[sample] * VOXELS + columns[sample]).tolist()
-        )
+        assert views[sample].flatten(1).argmax(1).equal(rows[sample] * VOXELS + columns[sample])
