@@ -31,13 +31,8 @@ def episodes(outcomes: str, first_seed=0, failure: str | None = None, **fields: 
 
 def proved(outcomes: str, first_seed: int = 0) -> tuple[Episode, ...]:
     """The same with a proof in the form of a recorded one."""
-    proof = Proof(
-        instruction="lift the ball",
-        start="0a" * 32,
-        actions=(actions_to_text([[0.5] * 18]),),
-        links="00000",
-        end="0b" * 32,
-    )
+    hashes = {"start": "0a" * 32, "links": "00000", "end": "0b" * 32}
+    proof = Proof(instruction="lift the ball", actions=(actions_to_text([[0.5] * 18]),), **hashes)
     return episodes(outcomes, first_seed, "out of time", variation=0, ticks=12, keyposes=1, proof=proof)
 
 

@@ -111,10 +111,8 @@ def test_axis_angle_and_rotation_vector_agree():
 
 def test_torch_twins_agree(quaternions):
     tensor = torch.from_numpy(quaternions)
-    euler, matrices = (
-        torch.from_numpy(convert(quaternions))
-        for convert in (rotations.quat_wxyz_to_euler_xyz, rotations.quat_wxyz_to_matrix)
-    )
+    euler = torch.from_numpy(rotations.quat_wxyz_to_euler_xyz(quaternions))
+    matrices = torch.from_numpy(rotations.quat_wxyz_to_matrix(quaternions))
     for name, *arguments in (
         ("quat_wxyz_canonical", tensor),
         ("quat_wxyz_conjugate", tensor),

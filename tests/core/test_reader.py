@@ -100,12 +100,8 @@ def test_our_own_features_pass_with_other_columns_and_a_mismatch_names_everythin
     features[schema.KEYFRAME]["dtype"] = "int64"
     with pytest.raises(DatasetError) as mismatch:
         check_features(features, here)
-    for part in (
-        "seed is missing",
-        "shape of action is [14], not [16]",
-        "names of observation.state",
-        "dtype of keyframe is int64, not bool",
-    ):
+    parts = ["seed is missing", "shape of action is [14], not [16]", "names of observation.state"]
+    for part in (*parts, "dtype of keyframe is int64, not bool"):
         assert part in str(mismatch.value)
 
 
@@ -168,9 +164,7 @@ def test_a_view_has_every_tick_or_stages_and_parts_of_their_motion(make_episode,
 
 
 @pytest.mark.parametrize(("view", "keyframes"), [("frames", [12, 20]), ("keyframes", [12, 21])])
-def test_a_row_has_its_action_time_and_flag_and_the_last_one_repeats_keypose_and_hash(
-    make_episode, view, keyframes
-):
+def test_a_row_has_action_time_and_flag_and_the_last_repeats_keypose_and_hash(make_episode, view, keyframes):
     episode = make_episode(0)
     rows = {row: row_columns(episode, row, view) for row in rows_of_view(episode, view)}
     assert [row for row in rows if rows[row][schema.KEYFRAME]] == keyframes

@@ -103,12 +103,7 @@ PLANTED = {
     "left out of reach": (EASY, shifted(2, LEFT_X, 3.0), 2, Responsible.LEFT),
     "right is not a number": (EASY, shifted(3, RIGHT_X, np.nan), 3, Responsible.RIGHT),
     "right grasp": (TRAY, shifted(1, RIGHT_X, 0.06), 1, Responsible.RIGHT),
-    "both grasps": (
-        TRAY,
-        lambda keyposes: shifted(1, LEFT_X, 0.06)(shifted(1, RIGHT_X, 0.06)(keyposes)),
-        1,
-        Responsible.COORDINATION,
-    ),
+    "both grasps": (TRAY, shifted(1, [LEFT_X, RIGHT_X], 0.06), 1, Responsible.COORDINATION),
     "only the first": (TRAY, lambda keyposes: keyposes[:1], 1, Responsible.COORDINATION),
     "all but the last": (TRAY, lambda keyposes: keyposes[:-1], 25, Responsible.TIME),
 }

@@ -101,10 +101,8 @@ def test_the_last_step_leaves_a_checkpoint_too(steps: int, save_freq: int, check
 
 
 def test_benchmarks_of_several_tasks_share_one_network_and_nothing_else():
-    one, other = (
-        Plan.of(BenchmarkConfig(task=task, trained_on="lift_ball,push_box", first_seed=7))
-        for task in ("lift_ball", "push_box")
-    )
+    shared = {"trained_on": "lift_ball,push_box", "first_seed": 7}
+    one, other = (Plan.of(BenchmarkConfig(task=task, **shared)) for task in ("lift_ball", "push_box"))
     assert one.generation() == other.generation()
     assert one.training() == other.training()
     assert "--task=lift_ball,push_box" in one.generation().words
@@ -116,10 +114,8 @@ def test_benchmarks_of_several_tasks_share_one_network_and_nothing_else():
 
 
 def test_results_of_different_benchmarks_have_folders_and_files_of_their_own():
-    plans = [
-        Plan.of(BenchmarkConfig(**{name: value}))
-        for name, value in (("policy", "act"), ("task", "push_box"), ("variation", "0"), ("seed", 1))
-    ]
+    changes = {"policy": "act", "task": "push_box", "variation": "0", "seed": 1}
+    plans = [Plan.of(BenchmarkConfig(**{name: value})) for name, value in changes.items()]
     assert len({plan.result for plan in plans}) == len({plan.run_folder for plan in plans}) == len(plans)
     assert Plan.of(BenchmarkConfig(variation="00")) == Plan.of(BenchmarkConfig(variation="0"))
 

@@ -24,10 +24,8 @@ SMALLER: dict[str, str] = {
 }
 """Values of flags that are given."""
 TRAINING = ("--steps=2", "--save_freq=2", "--batch_size=2", "--num_workers=0", "--policy.device=cpu")
-EVALUATION = (
-    *("--policy.device=cpu", "--eval.n_episodes=1", "--eval.batch_size=1"),
-    *("--env.image_size=32", "--env.max_keyposes=2"),
-)
+EVALUATION = ("--policy.device=cpu", "--eval.n_episodes=1", "--eval.batch_size=1")
+EVALUATION += ("--env.image_size=32", "--env.max_keyposes=2")
 FURTHER: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("lerobot-train", "lerobot-bimanual-train"), TRAINING),
     **dict.fromkeys(("lerobot-eval", "lerobot-bimanual-eval"), EVALUATION),
@@ -70,14 +68,12 @@ def words_after(program: str) -> list[list[str]]:
     return found
 
 
+PROGRAMS = ("lerobot-bimanual", "lerobot-bimanual-train", "lerobot-bimanual-eval")
+PROGRAMS += ("(?<!bimanual-)lerobot-train", "lerobot-eval")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "program",
-    [
-        *("lerobot-bimanual", "(?<!bimanual-)lerobot-train", "lerobot-eval"),
-        *("lerobot-bimanual-train", "lerobot-bimanual-eval"),
-    ],
-)
+@pytest.mark.parametrize("program", PROGRAMS)
 def test_the_commands_of_our_and_lerobots_programs_parse(program, monkeypatch):
     monkeypatch.chdir(ROOT)  # which holds the recipes
     for flags in words_after(program):

@@ -70,12 +70,10 @@ REFUSED = {
         "output=/proc/films": "cannot write /proc/films",
     },
 }
+REFUSALS = [(command, *refused) for command, rows in REFUSED.items() for refused in rows.items()]
 
 
-@pytest.mark.parametrize(
-    ("command", "flags", "message"),
-    [(command, *refused) for command, rows in REFUSED.items() for refused in rows.items()],
-)
+@pytest.mark.parametrize(("command", "flags", "message"), REFUSALS)
 def test_a_flag_that_cannot_be_meant_is_refused(command, flags, message, tmp_path, monkeypatch, capsys):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -132,11 +130,8 @@ NEEDED = {
     "task view": ["--task=lift_ball"],
 }
 """Further flags of a command."""
-COMMANDS = [
-    name
-    for name, entry in cli.find_commands().items()
-    if "output" in {field.name for field in fields(cli.config_type_of(entry.load()))}
-]
+FLAGS = {name: fields(cli.config_type_of(entry.load())) for name, entry in cli.find_commands().items()}
+COMMANDS = [name for name, flags in FLAGS.items() if "output" in {flag.name for flag in flags}]
 WORK = (
     "lerobot_env_bimanual.workers.WorkerPool.__init__",
     "lerobot_env_bimanual.world.scene.Scene.__init__",

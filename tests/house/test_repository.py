@@ -41,13 +41,8 @@ REQUIREMENTS = [
 
 
 def files_of_the_repository() -> list[Path]:
-    listing = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+    listing = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     return [path for line in listing.stdout.splitlines() if (path := ROOT / line).is_file()]
 
 

@@ -17,6 +17,7 @@ KEYFRAMES = "data/keyframes"
 # So that 2 steps and 2 more are the same as 4. After a resume of `lerobot-train`, dropout and augmentation go on with
 # other random numbers, because LeRobot's loader has drawn one more; `lerobot-bimanual-train` takes that back.
 CONSTANT = ["--policy.lr_schedule=constant"]
+RANDOM = ["--policy.attention_dropout=0.5", "--policy.augmentation=true"]
 NOTHING_RANDOM = ["--policy.attention_dropout=0", "--policy.augmentation=false"]
 CAMERA = {"type": "VISUAL", "shape": [3, SIZE, SIZE]}
 TINY_ACT = [
@@ -51,10 +52,8 @@ def evaluate(output: str, folder: Path, *flags: str) -> dict:
 
 
 def assert_equal_weights(first: Path, second: Path) -> None:
-    one, other = (
-        load_file(folder / "checkpoints" / "last" / "pretrained_model" / "model.safetensors")
-        for folder in (first, second)
-    )
+    weights = "checkpoints/last/pretrained_model/model.safetensors"
+    one, other = (load_file(folder / weights) for folder in (first, second))
     assert one.keys() == other.keys()
     assert all(one[name].equal(other[name]) for name in one)
 
@@ -83,9 +82,8 @@ def keypose_policy_types() -> list[str]:
 def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     train(*tiny_flags[policy], folder=room, data=KEYFRAMES, steps=20, output=policy)
     config = checkpoint_config(room / policy)
-    stats, origin = (
-        json.loads((room / KEYFRAMES / f"meta/{name}.json").read_text()) for name in ("stats", "bimanual")
-    )
+    meta = room / KEYFRAMES / "meta"
+    stats, origin = (json.loads((meta / f"{name}.json").read_text()) for name in ("stats", "bimanual"))
     (most,) = stats["observation.keypose_step"]["max"]
     assert config["keypose_horizon"] == 1 + round(most)
     assert config["trained_instructions"] == ["push the box to the red area"]
@@ -97,12 +95,7 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     ("command", "randomness", "own", "kept"),
     [
         ("lerobot-train", NOTHING_RANDOM, [], ["000002", "000004", "last"]),
-        (
-            "lerobot-bimanual-train",
-            ["--policy.attention_dropout=0.5", "--policy.augmentation=true"],
-            ["--keep_last", "1"],
-            ["000004", "last"],
-        ),
+        ("lerobot-bimanual-train", RANDOM, ["--keep_last", "1"], ["000004", "last"]),
     ],
 )
 def test_training_resumes_exactly(room, tiny_flags, command, randomness, own, kept):

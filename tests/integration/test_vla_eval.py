@@ -73,9 +73,8 @@ def downloaded(tmp_path) -> dict:
 
 def test_lerobot_makes_every_task_or_the_chosen_ones_with_the_options_of_the_repository(downloaded):
     envs = make_env(f"someone/bimanual@{COMMIT}", n_envs=2, **downloaded)
-    assert {suite: list(numbered) for suite, numbered in envs.items()} == {
-        "all": [get_task(task).spec.id for task in list_tasks()]
-    }
+    numbers = [get_task(task).spec.id for task in list_tasks()]
+    assert {suite: list(numbered) for suite, numbered in envs.items()} == {"all": numbers}
     env = envs["all"][get_task("lift_ball").spec.id]
     assert env.num_envs == 2
     assert env.single_observation_space["pixels"]["front"].shape == (128, 128, 3)

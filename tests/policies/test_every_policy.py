@@ -33,12 +33,8 @@ def assert_equal_batches(a: dict, b: dict) -> None:
 
 
 def test_every_registered_keypose_policy_is_walked_by_these_tests(specimens):
-    registered = {
-        name
-        for name, config in PreTrainedConfig.get_known_choices().items()
-        if issubclass(config, KeyposePolicyConfig)
-    }
-    assert specimens.keys() == registered
+    known = PreTrainedConfig.get_known_choices().items()
+    assert specimens.keys() == {name for name, config in known if issubclass(config, KeyposePolicyConfig)}
 
 
 def test_the_package_offers_the_config_the_policy_and_the_processors_of_every_type(policy_type):
@@ -253,9 +249,7 @@ def test_a_compiled_network_has_the_plain_losses_and_is_compiled_once(specimens,
         once = len(graphs)
         expected, loss = plain(batch)[0], compiled(batch)[0]
         torch.testing.assert_close(loss, expected)
-        gradients = [
-            torch.autograd.grad(value, policy.network.positions)[0]
-            for value, policy in ((expected, plain), (loss, compiled))
-        ]
+        pairs = ((expected, plain), (loss, compiled))
+        gradients = [torch.autograd.grad(value, policy.network.positions)[0] for value, policy in pairs]
         torch.testing.assert_close(*gradients, atol=1e-4, rtol=1e-3)
     assert once == len(graphs) > 0
