@@ -17,29 +17,26 @@ from lerobot_policy_bimanual.training.train import remove_older
 WITHOUT_LEROBOT = """
 import sys
 from lerobot_bimanual import cli
-code = cli.main(sys.argv[1:])
-loaded = {"torch", "lerobot", "PIL", "rich.console"} & set(sys.modules)
-print("code", code, "loaded", sorted(loaded))
+codes = [cli.main(words.split()) for words in sys.argv[1:]]
+print("codes", codes, "loaded", sorted({"torch", "lerobot", "PIL", "rich.console"} & set(sys.modules)))
 """
+WRONG_PATHS = {
+    "policy inspect --checkpoint=nowhere --root=none": "no checkpoint at nowhere",
+    "policy accuracy --checkpoint=nowhere --root=none": "no checkpoint at nowhere",
+    "policy inspect --checkpoint=there --root=none": "no dataset at none",
+    "policy accuracy --checkpoint=there --root=none": "no dataset at none",
+    "policy check --checkpoint=nowhere": "no checkpoint at nowhere",
+}
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("policy", "inspect", "--checkpoint=nowhere", "--root=none"), "no checkpoint at nowhere"),
-        (("policy", "accuracy", "--checkpoint=nowhere", "--root=none"), "no checkpoint at nowhere"),
-        (("policy", "inspect", "--checkpoint=there", "--root=none"), "no dataset at none"),
-        (("policy", "accuracy", "--checkpoint=there", "--root=none"), "no dataset at none"),
-        (("policy", "check", "--checkpoint=nowhere"), "no checkpoint at nowhere"),
-    ],
-)
-def test_a_wrong_path_is_named_before_lerobot_and_torch_are_loaded(tmp_path, words, message):
+def test_a_wrong_path_is_named_before_lerobot_and_torch_are_loaded(tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "config.json").write_text("{}")
-    command = [sys.executable, "-c", WITHOUT_LEROBOT, *words]
+    command = [sys.executable, "-c", WITHOUT_LEROBOT, *WRONG_PATHS]
     child = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert "code 1 loaded []" in child.stdout, child.stdout + child.stderr
-    assert message in child.stderr
+    assert child.stdout == "codes [1, 1, 1, 1, 1] loaded []\n", child.stderr
+    for told, message in zip(child.stderr.splitlines(), WRONG_PATHS.values(), strict=True):
+        assert message in told
 
 
 @pytest.mark.parametrize("below", ["", "last", "checkpoints/last"])
