@@ -217,7 +217,7 @@ from pathlib import Path
 from rich.console import Console
 from lerobot_bimanual.cli import command_line
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
-sleep = "import os, time; print(os.getpid(), flush=True); time.sleep(100)"
+sleep = "import os, time; print(os.getpid(), flush=True); time.sleep(1000)"
 def dispatch(_):
     folder = Path(sys.argv[1])
     Pipeline(folder, Console(quiet=True)).run(Command("sleep", ["python", "-c", sleep], folder))
@@ -243,7 +243,7 @@ def benchmark(tmp_path) -> tuple[subprocess.Popen[str], int]:
 def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_how_to_go_on(tmp_path, benchmark):
     process, program = benchmark
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=300)
     assert errors == "\nlerobot-bimanual: interrupted; the same command goes on where it stopped\n"
     assert process.returncode == 130
     with pytest.raises(ProcessLookupError):
@@ -254,7 +254,7 @@ def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_how_to_go_on(t
 def test_a_killed_benchmark_takes_its_program_with_it(benchmark):
     process, _ = benchmark
     process.kill()
-    process.communicate(timeout=30)  # the program has the other end of the pipes
+    process.communicate(timeout=300)  # the program has the other end of the pipes
 
 
 INPUTS = """
