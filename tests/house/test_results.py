@@ -28,6 +28,9 @@ ROWS = {path: BenchmarkResult.read(path) for path in PATHS}
 BOARD = {path: row for path, row in ROWS.items() if path.parent.name == "leaderboard"}
 ROWS_PLAYED = 20
 """So that the test takes no longer the more rows there are."""
+REPORTS = ROOT.glob("results/expert_reports/*/expert.json")
+WORLDS = {path.parent.name: ExpertReport.read(path).worlds for path in REPORTS}
+"""Of the experts, by setting and task."""
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
 
 
@@ -44,9 +47,8 @@ def test_the_page_of_results_is_that_of_the_rows(monkeypatch: pytest.MonkeyPatch
 
 def test_every_row_is_of_the_world_of_the_experts():
     for path, row in ROWS.items():
-        report = ExpertReport.read(ROOT / "results/expert_reports" / row.config.setting / "expert.json")
         if not row.config.perturb:
-            assert row.world == report.worlds[row.task], path
+            assert row.world == WORLDS[row.config.setting][row.task], path
 
 
 @pytest.mark.slow
@@ -119,12 +121,11 @@ def test_the_page_of_the_experts_is_that_of_their_reports():
 
 
 def test_a_report_of_the_expert_has_every_condition_that_changes_what_happens():
-    worlds = ExpertReport.read(ROOT / "results/expert_reports/standard/expert.json").worlds
     for task, report in EXPERTS.items():
         conditions = conditions_of(task)
         played = [key for key in conditions if conditions.played_as(key) == key]
         assert [each.key for each in report.conditions] == played
-        assert report.nominal.world == worlds[task]
+        assert report.nominal.world == WORLDS["standard"][task]
 
 
 @pytest.mark.slow
