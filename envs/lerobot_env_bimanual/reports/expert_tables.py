@@ -10,7 +10,7 @@ from typing import Self
 import pandas as pd
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.errors import BimanualError, shown
+from lerobot_bimanual.errors import BimanualError, plain, shown
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.episode import LoadMetrics, success_rate
 from lerobot_bimanual.results.expert_report import (
@@ -89,7 +89,7 @@ class ExpertReports:
         for (task, variation), episodes in experts.by_variation.items():
             if experts.load(task) is None or not any(episode.success for episode in episodes):
                 raise BimanualError(
-                    f"{paths[EXACT]}: no episode of {task}, variation {variation}, was solved and measured"
+                    f"{paths[EXACT]}: no episode of {plain(task)}, variation {variation}, was solved and measured"
                 )
         return cls(reports)
 
