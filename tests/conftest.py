@@ -41,19 +41,13 @@ def _seeded() -> None:
         sys.modules["torch"].manual_seed(0)
 
 
-LONG_FILES = (
-    "test_documented_commands",
-    "test_lerobot_train",
-    "test_examples",
-    "test_results",
-    "test_benchmark",
-)
+LONG_FILES = ("documented_commands", "lerobot_train", "examples", "results", "benchmark")
 """Of the slow tier: minutes each, so that no worker may begin one of them when the others have nothing left to do."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest files; skip tests marked `gpu` where there is no CUDA device."""
-    items.sort(key=lambda item: item.path.stem not in LONG_FILES)
+    items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in LONG_FILES)
     gpu_items = [item for item in items if item.get_closest_marker("gpu")]
     if not gpu_items:
         return

@@ -70,9 +70,7 @@ def install_recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[
         file = site / f"package_of_{policy}" / "recipes" / "small.yaml"
         file.parent.mkdir(parents=True)
         file.write_text(recipe.format(policy=policy))
-        (file.parents[1] / "__init__.py").write_text(
-            "raise ImportError('recipes are found without an import')"
-        )
+        (file.parents[1] / "__init__.py").write_text("raise ImportError('found without an import')")
         metadata = site / f"{policy}-1.0.dist-info"
         metadata.mkdir()
         (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {policy}\nVersion: 1.0\n")
@@ -89,9 +87,7 @@ def _make_episode(seed: int) -> Demonstration:
     ticks = sum(STAGE_TICKS)
 
     def observation(stage: int) -> dict[str, np.ndarray]:
-        vectors = {
-            key: rng.normal(size=len(names)).astype(np.float32) for key, names in schema.VECTORS.items()
-        }
+        vectors = {key: rng.normal(size=len(each)).astype(np.float32) for key, each in schema.VECTORS.items()}
         vectors[schema.CAMERA_EXTRINSICS][:48] = 0.5  # of the cameras in the room
         vectors[schema.CAMERA_INTRINSICS][:] = range(len(schema.INTRINSIC_NAMES))
         return vectors | {schema.KEYPOSE_STEP: np.array([stage], dtype=np.float32)}

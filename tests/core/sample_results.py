@@ -21,9 +21,7 @@ VERSIONS: dict[str, str] = dict.fromkeys(SIMULATION_PACKAGES, "3")
 WORLD = "0123456789ab"
 
 
-def episodes(
-    outcomes: str, first_seed: int = 0, failure: str | None = None, **fields: Any
-) -> tuple[Episode, ...]:
+def episodes(outcomes: str, first_seed=0, failure: str | None = None, **fields: Any) -> tuple[Episode, ...]:
     """One episode per letter, `x` solved and `.` not; all with the same further fields."""
     return tuple(
         Episode(seed=seed, success=letter == "x", failure=None if letter == "x" else failure, **fields)
@@ -33,13 +31,8 @@ def episodes(
 
 def proved(outcomes: str, first_seed: int = 0) -> tuple[Episode, ...]:
     """The same with a proof in the form of a recorded one."""
-    proof = Proof(
-        instruction="lift the ball",
-        start="0a" * 32,
-        actions=(actions_to_text([[0.5] * 18]),),
-        links="00000",
-        end="0b" * 32,
-    )
+    hashes = {"start": "0a" * 32, "links": "00000", "end": "0b" * 32}
+    proof = Proof(instruction="lift the ball", actions=(actions_to_text([[0.5] * 18]),), **hashes)
     return episodes(outcomes, first_seed, "out of time", variation=0, ticks=12, keyposes=1, proof=proof)
 
 
@@ -135,9 +128,7 @@ RESULT = BenchmarkResult(
 )
 
 
-def variant(
-    result: BenchmarkResult = RESULT, config: dict[str, Any] | None = None, **fields
-) -> BenchmarkResult:
+def variant(result=RESULT, config: dict[str, Any] | None = None, **fields) -> BenchmarkResult:
     """A result with other fields, and with other settings in its config."""
     settings = BenchmarkSettings.of(**dict(result.config) | (config or {}))
     return BenchmarkResult.of(**dict(result) | {"config": settings} | fields)

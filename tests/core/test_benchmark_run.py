@@ -71,12 +71,10 @@ class Programs:
         ).write(root / PROVENANCE_FILE)
 
     def _report(self, path: Path, player: str) -> None:
+        usual = {"task": "lift_ball", "ticks": 7}
         episodes = [
-            EpisodeOutcome.of(
-                **{"ticks": 7} | episode.model_dump(exclude_none=True) | {"variation": -episode.seed % 3},
-                task="lift_ball",
-            )
-            for episode in reported(OUTCOMES[player])
+            EpisodeOutcome.of(**usual | each.model_dump(exclude_none=True) | {"variation": -each.seed % 3})
+            for each in reported(OUTCOMES[player])
         ]
         ExpertReport.of(
             schema_version=1,
@@ -126,11 +124,8 @@ def run(config: BenchmarkConfig) -> BenchmarkResult:
 def test_measurements_in_one_world_are_one_result(programs, config):
     result = run(config)
     assert (result.world, result.checkpoint_step, result.config.policy_id) == (WORLD, 4, "mine")
-    assert {who: rate.successes for who, rate in result.rates.items()} == {
-        "policy": 2,
-        "expert": 4,
-        "open_loop": 1,
-    }
+    solved = {who: rate.successes for who, rate in result.rates.items()}
+    assert solved == {"policy": 2, "expert": 4, "open_loop": 1}
     assert result.versions["torch"] == "1.0"
     assert result.demonstrations.settings == {"tasks": ["lift_ball"], "intermediate": []}
 
@@ -146,10 +141,7 @@ def test_a_network_for_a_suite_bears_its_name_though_the_demonstrations_name_eve
 @pytest.mark.parametrize(
     ("what", "message"),
     [
-        (
-            "open_loop",
-            r"open_loop_0_4\.json is of the world ba98.* of lift_ball, but .*expert_0_4\.json of 0123",
-        ),
+        ("open_loop", r"open_loop_0_4\.json is of the world ba98.* of lift_ball, .*expert_0_4\.json of 0123"),
         ("demonstrations", r"keyframes_128_2 is of the world ba98.*expert_0_4\.json of 0123456789ab"),
         ("test", r"lift_ball_test_record\.json is of the world ba98.*expert_0_4\.json of 0123456789ab"),
     ],
@@ -196,9 +188,7 @@ def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
         assert resolve(replace(config, **flags)) == settings
         assert f'"protocol": "{name}"' in settings.to_json()
         if name != "own":
-            with pytest.raises(
-                BimanualError, match=f"setting is 'v?.*', but 's?.*' in the protocol {name}: leave --setting"
-            ):
+            with pytest.raises(BimanualError, match=f"setting is .* in the protocol {name}: leave --setting"):
                 resolve(replace(config, setting="standard" if name == "varied" else "varied"))
     with pytest.raises(BimanualError, match="task of the protocol pairings is 'lift_ball'"):
         resolve(BenchmarkConfig("mine", protocol="pairings"))
@@ -209,9 +199,7 @@ def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
 def test_names_of_recipes_and_checkpoints_that_would_be_missed_are_refused(programs, config, tmp_path):
     with pytest.raises(BimanualError, match=r"mine/paper\.yaml has the name of an installed recipe"):
         resolve(replace(config, recipe="mine/paper.yaml"))
-    with pytest.raises(
-        BimanualError, match=r"--keep_last, but every checkpoint is validated.*val_episodes=0"
-    ):
+    with pytest.raises(BimanualError, match=r"--keep_last, but every checkpoint is validated.*val_episodes="):
         resolve(replace(config, train_flags="--keep_last=1"))
     assert resolve(replace(config, train_flags="--keep_last=1", val_episodes=0)).training["keep_last"] == 1
 
@@ -233,10 +221,7 @@ def test_protocols_that_differ_in_the_test_alone_share_demonstrations_and_traini
 
 def test_demonstrations_of_other_versions_are_refused_before_a_policy_learns_from_them(programs, config):
     programs.versions |= {"mujoco": "1.0"}
-    with pytest.raises(
-        BimanualError,
-        match=r"keyframes_128_2 was made with mujoco 1\.0, but .* is installed.*another --output",
-    ):
+    with pytest.raises(BimanualError, match=r"_128_2 was made with mujoco 1\.0, but .*another --output"):
         run(config)
     assert not Plan.of(config).training_folder.exists()
 
@@ -258,10 +243,7 @@ def test_a_finished_benchmark_is_not_run_again(programs, config):
     ("changes", "message"),
     [
         ({"first_seed": 1}, "first_seed is 0, not 1"),
-        (
-            {"train_flags": "--policy.depth=5"},
-            r"training is .*'policy\.depth': 3.*, not .*'policy\.depth': 5",
-        ),
+        ({"train_flags": "--policy.depth=5"}, r"training is .*'policy\.depth': 3.*not .*'policy\.depth': 5"),
         ({"eval_flags": "--policy.use_amp=false"}, r"evaluation is {}, not {'policy\.use_amp': False}"),
     ],
 )
@@ -269,9 +251,7 @@ def test_the_result_of_another_measurement_is_not_replaced(changes, message, pro
     run(config)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.json")}
     programs.ran.clear()
-    with pytest.raises(
-        BimanualError, match=rf"seed1000\.json would be replaced: its {message}.*another --output"
-    ):
+    with pytest.raises(BimanualError, match=rf"seed1000\.json would be replaced: its {message}.*--output"):
         run(replace(config, **changes))
     assert not programs.ran
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.json")} == before

@@ -12,12 +12,7 @@ from lerobot_bimanual.dataset.checksums import CHECKSUMS_FILE, checksum_problems
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import sha256
 
-FILES = (
-    "README.md",
-    "data/chunk-000/file-000.parquet",
-    "meta/info.json",
-    "videos/front/chunk-000/file-000.mp4",
-)
+FILES = ("README.md", "data/chunk-0/file-000.parquet", "meta/info.json", "videos/front/chunk-0/file-000.mp4")
 CHECKSUMS = CHECKSUMS_FILE.as_posix()
 
 

@@ -1,4 +1,4 @@
-"""Success rates and their intervals, and policies side by side on the same episodes."""
+"""Success rates and their intervals, policies side by side on the same episodes, and robustness results."""
 
 import re
 from itertools import product
@@ -7,13 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sample_results import RESULT, VERSIONS, put, trained, variant
+from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition
 
 from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.reports.robustness import conditions_table, print_robustness
 from lerobot_bimanual.results.comparison import Comparison
-from lerobot_bimanual.results.statistics import holm, sign_flip_p_value, wilson_interval
+from lerobot_bimanual.results.record import BadRecord
+from lerobot_bimanual.results.robustness import RobustnessResult, is_valid, read_expert_robustness
+from lerobot_bimanual.results.statistics import SuccessRate, holm, sign_flip_p_value, wilson_interval
 
 OTHER_VERSIONS = VERSIONS | {"mujoco": "4"}
+OTHER_DEMONSTRATIONS = RESULT.demonstrations.model_copy(update={"versions": OTHER_VERSIONS})
 
 
 def test_episodes_are_paired_by_seed():
@@ -29,14 +34,7 @@ def test_episodes_are_paired_by_seed():
         ({"task": "push_box"}, {}, "what is played is 'push_box', but 'lift_ball' in lift_ball_mine"),
         ({}, {"world": "ba9876543210"}, "world is 'ba9876543210', but '0123456789ab' in lift_ball_mine"),
         ({"variation": "0"}, {}, "what is played is 'lift_ball_0'"),
-        (
-            {},
-            {
-                "versions": OTHER_VERSIONS,
-                "demonstrations": RESULT.demonstrations.model_copy(update={"versions": OTHER_VERSIONS}),
-            },
-            "versions is .*'mujoco': '4'",
-        ),
+        ({}, {"versions": OTHER_VERSIONS, "demonstrations": OTHER_DEMONSTRATIONS}, "is .*'mujoco': '4'"),
     ],
 )
 def test_only_the_same_episodes_are_compared(config, fields, message):
@@ -119,26 +117,14 @@ def test_trainings_with_and_without_demonstrations_of_their_own_are_of_one_polic
     [
         ({"recipe": "paper"}, {}, "recipe of mine is 'small', but 'paper' in"),
         ({"training": {}}, {}, r"settings of mine on lift_ball is .*log_freq.*remove one of the files"),
-        (
-            {"training": dict(RESULT.config.training) | {"log_freq": 9}},
-            {},
-            "setting log_freq of mine on lift_ball is 9, but 1 in|is 1, but 9 in",
-        ),
+        ({"training": RESULT.config.training | {"log_freq": 9}}, {}, "log_freq of mine .* is [19], but"),
         (
             {},
             {"demonstrations": RESULT.demonstrations.model_copy(update={"settings": {"first_seed": 1}})},
             "demonstrations' settings of mine on lift_ball is .*depth",
         ),
-        (
-            {},
-            {"options": {"split": "test", "max_keyposes": 40}},
-            "test's options of mine on lift_ball is .*max",
-        ),
-        (
-            {"demos_perturb": "mass:1"},
-            {},
-            r"several policies; choose one with --first_policy=mine\|mine_mass1",
-        ),
+        ({}, {"options": {"split": "test", "max_keyposes": 40}}, "options of mine on lift_ball is .*max"),
+        ({"demos_perturb": "mass:1"}, {}, r"several policies; choose .*--first_policy=mine\|mine_mass1"),
     ],
 )
 def test_only_trainings_that_differ_in_their_seed_alone_are_of_one_policy(config, fields, message, tmp_path):
@@ -173,3 +159,52 @@ def test_holm_corrects_for_the_number_of_questions_and_keeps_the_order():
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.5, 0.9]) == pytest.approx([1.0, 1.0])
     assert holm([]) == []
+
+
+def test_the_report_counts_what_it_lists_and_each_condition_is_compared_with_the_nominal_one():
+    table = conditions_table(ROBUSTNESS).set_index("condition")
+    assert (table.lost["camera_moved:2"], table.won["camera_moved:2"]) == (6, 0)
+    pair = ["camera_moved:2", "mass:2"]
+    assert [*table.p[pair]] == [2 / 64, 2 / 4]
+    assert [*table.p_holm[pair]] == holm([*table.p[pair]])
+    assert table.p_holm["camera_moved:3"] == 2 / 1024  # the only valid one of its level
+    assert table.p_holm[["nominal", "mass:3"]].isna().all()
+    assert not table.valid["mass:3"]
+    rates = EXPERT_REPORT.rates(EXPERT_REPORT.by_key["mass", 1])
+    assert rates == {"expert": SuccessRate(97, 100), "open_loop": SuccessRate(1, 30)}
+    valid = [is_valid(EXPERT_REPORT.rates(each)["expert"]) for each in EXPERT_REPORT.conditions]
+    assert valid == [True, True, False]
+    few = "x" * 9 + "."
+    assert not condition("mass", 1, few, expert=few).is_valid
+    assert condition("mass", 1, few, expert=few, expert_report=SuccessRate(97, 100)).is_valid
+    assert not condition("mass", 1, few, expert_report=SuccessRate(96, 100)).is_valid
+
+
+def test_what_is_printed_of_a_result_sums_valid_conditions(capsys):
+    print_robustness(ROBUSTNESS)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "camera_moved:2 5 4 17% to 69% 10 0 6, 0 0.0312 0.0625" in printed
+    assert "level 0: 10 of 10; level 1: 19 of 20; level 2: 12 of 20; level 3: 0 of 10" in printed
+    assert "in no sum: mass:3" in printed
+
+
+@pytest.mark.parametrize(
+    ("conditions", "complaint"),
+    [
+        ((), "nominal condition must come first"),
+        (ROBUSTNESS.conditions[1:], "nominal condition must come first"),
+        ((*ROBUSTNESS.conditions, condition("wind", 1, "x")), "wind:1 must be on the 10 seeds from 0 on"),
+    ],
+)
+def test_conditions_that_do_not_belong_together_are_refused(conditions, complaint):
+    with pytest.raises(BadRecord, match=complaint):
+        RobustnessResult.of(**{**dict(ROBUSTNESS), "conditions": conditions})
+
+
+def test_a_folder_of_expert_reports_holds_one_per_task(tmp_path):
+    with pytest.raises(BimanualError, match="expert evaluate --axes=all"):
+        read_expert_robustness(tmp_path)
+    for name in ("one", "other"):
+        EXPERT_REPORT.write(tmp_path / f"{name}.json")
+    with pytest.raises(BimanualError, match="another report of lift_ball"):
+        read_expert_robustness(tmp_path)

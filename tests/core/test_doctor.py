@@ -14,23 +14,24 @@ def test_wrong_and_absent_packages_come_with_the_command_that_mends_them(monkeyp
     monkeypatch.setattr(command, "installed_version", lambda name: others.get(name, real(name)))
     findings = {finding.subject: finding for finding in command.check_packages()}
     assert findings["mujoco"].remedy == "pip install 'mujoco<5,>=3.10'"
-    levels = {
-        name: findings[name].level for name in ("mujoco", "frankik", "numpy", "lerobot_policy_bimanual")
-    }
-    assert [*levels.values()] == ["fail", "fail", "ok", "warn"]
+    names = ("mujoco", "frankik", "numpy", "lerobot_policy_bimanual")
+    assert [findings[name].level for name in names] == ["fail", "fail", "ok", "warn"]
     assert [name for name in findings if name.replace("-", "_") == "lerobot_bimanual"] == ["lerobot-bimanual"]
 
 
-@pytest.mark.parametrize("program", ["raise RuntimeError('driver broken')", "import time; time.sleep(60)"])
-def test_opengl_that_fails_or_hangs_is_a_finding(program, monkeypatch):
+@pytest.mark.parametrize(
+    ("program", "limit_s", "detail"),
+    [
+        ("raise RuntimeError('driver broken')", 60, "RuntimeError: driver broken"),
+        ("import time; time.sleep(60)", 1, "no image within 1 s; perhaps with another GPU"),
+    ],
+)
+def test_opengl_that_fails_or_hangs_is_a_finding(program, limit_s, detail, monkeypatch):
     monkeypatch.setattr(command, "RENDER_8X8", program)
-    monkeypatch.setattr(command, "RENDER_TIMEOUT_S", 1)
+    monkeypatch.setattr(command, "RENDER_TIMEOUT_S", limit_s)
     (finding,) = command.check_gl()
     assert finding.level == "fail"
-    assert finding.detail in (
-        "RuntimeError: driver broken",
-        "no image within 1 s; perhaps with another GPU, MUJOCO_EGL_DEVICE_ID=1",
-    )
+    assert finding.detail.startswith(detail)
 
 
 def test_a_check_that_breaks_is_a_finding_and_the_others_go_on(monkeypatch, capsys):

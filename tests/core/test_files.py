@@ -1,9 +1,10 @@
-"""What has its final name is on the disk; cores and memory are those that a process may use, in containers, too."""
+"""What has its final name is on the disk; cores and memory that a process may use; terminations that are swallowed."""
 
 import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from lerobot_bimanual import resources
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import move_durably, read_yaml, share_files, write_file
+from lerobot_bimanual.interrupts import end_when_parent_ends, unwound_by_termination
 
 KILLED_WHILE_WRITING = """
 import os, sys
@@ -40,9 +42,7 @@ def steps(monkeypatch) -> list[tuple[str, str]]:
     return done
 
 
-def test_everything_in_a_folder_is_on_the_disk_before_it_is_renamed_and_the_name_after(
-    tmp_path, steps
-) -> None:
+def test_everything_in_a_folder_is_on_the_disk_before_it_is_renamed_and_the_name_after(tmp_path, steps):
     (tmp_path / "new/deep").mkdir(parents=True)
     (tmp_path / "new/a").write_text("a")
     (tmp_path / "new/deep/b").write_text("b")
@@ -57,10 +57,8 @@ def test_what_a_killed_process_left_is_removed_by_the_next_and_what_others_write
     child = subprocess.Popen([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "a[1].json")])
     assert child.wait() == -signal.SIGKILL
     (left,) = tmp_path.iterdir()
-    others = [
-        left.with_name(left.name.replace(str(child.pid), str(os.getppid()))),
-        tmp_path / ".b.json.1.partial",
-    ]
+    of_another_process = left.with_name(left.name.replace(str(child.pid), str(os.getppid())))
+    others = [of_another_process, tmp_path / ".b.json.1.partial"]
     for other in others:
         other.touch()
     write_file(tmp_path / "a[1].json", "new")
@@ -97,19 +95,11 @@ def test_a_yaml_file_runs_nothing_and_stands_for_no_more_than_it_holds(content, 
 
 
 V2 = {"job/cpu.max": "150000 100000", "job/memory.max": "3000", "job/memory.current": "2500"}
-V1 = {
-    "cpu/cpu.cfs_quota_us": "150000",
-    "cpu/cpu.cfs_period_us": "100000",
-    "memory/memory.limit_in_bytes": "3000",
-    "memory/memory.usage_in_bytes": "2500",
-    "memory/memory.stat": "cache 900\ntotal_inactive_file 500\n",
-}
-FREE = {
-    "cpu.max": "max 100000",
-    "cpu/cpu.cfs_quota_us": "-1",
-    "cpu/cpu.cfs_period_us": "100000",
-    "memory.max": "max",
-}
+V1 = {"cpu/cpu.cfs_quota_us": "150000", "cpu/cpu.cfs_period_us": "100000"}
+V1 |= {"memory/memory.limit_in_bytes": "3000", "memory/memory.usage_in_bytes": "2500"}
+V1 |= {"memory/memory.stat": "cache 900\ntotal_inactive_file 500\n"}
+FREE = {"cpu.max": "max 100000", "cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}
+FREE |= {"memory.max": "max"}
 
 
 @pytest.mark.parametrize(
@@ -122,9 +112,7 @@ FREE = {
         ("", {}, 4, 7 * 1024),
     ],
 )
-def test_cores_and_memory_are_within_affinity_and_control_groups(
-    path, files, cores, memory, tmp_path, monkeypatch
-):
+def test_cores_and_memory_are_within_affinity_and_groups(path, files, cores, memory, tmp_path, monkeypatch):
     monkeypatch.setattr(resources.os, "sched_getaffinity", lambda _: range(4))
     monkeypatch.setattr(resources, "PROCESS", tmp_path / "cgroup")
     monkeypatch.setattr(resources, "GROUPS", tmp_path)
@@ -134,3 +122,36 @@ def test_cores_and_memory_are_within_affinity_and_control_groups(
         (tmp_path / name).write_text(text)
     assert (resources.usable_cores(), resources.usable_memory()) == (cores, memory)
     assert (resources.worker_count(0), resources.worker_count(9)) == (1, 9)  # there is memory for none
+
+
+class Finalized:
+    def __del__(self) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0)  # so that the signal is answered here
+
+
+def is_swallowed() -> None:
+    Finalized()
+    time.sleep(20)
+
+
+def becomes_another_error() -> None:
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(20)
+    except SystemExit as end:
+        raise TypeError("incompatible function arguments") from end
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.timeout(30, method="thread")  # the alarm is in use
+@pytest.mark.parametrize("termination", [is_swallowed, becomes_another_error])
+def test_a_termination_is_answered_also_where_it(termination):
+    with pytest.raises(SystemExit) as exit_, unwound_by_termination():
+        termination()
+    assert exit_.value.code == 128 + signal.SIGTERM
+
+
+def test_a_process_whose_parent_is_gone_before_it_could_ask_ends_itself():
+    code = f"import os, signal; from {end_when_parent_ends.__module__} import end_when_parent_ends as end; end(signal.SIGTERM, {os.getpid() + 1})"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -signal.SIGTERM

@@ -23,6 +23,7 @@ from lerobot_bimanual.reports.robustness import expert_robustness_page, print_ro
 from lerobot_bimanual.results.benchmark import Machine
 from lerobot_bimanual.results.expert_report import ExpertReport, VariationLoad
 from lerobot_bimanual.results.record import Record
+from lerobot_env_bimanual.reports import expert_tables
 
 EVIL = "<script>a</script> x`|\n# Injected\r\n[l](javascript:a) \x1b[2J\x9b{: onclick=a }\u202e`<img src=x onerror=a>"
 HOSTILE = (EVIL, f"y`{EVIL}`y", "A" * 10**6)
@@ -84,7 +85,7 @@ def with_text(record: Record, path: tuple[Any, ...], text: str) -> str:
 
 
 @pytest.fixture
-def show(datasets, tmp_path, capsys) -> dict[type[Record], Callable[[Any], str]]:
+def show(datasets, tmp_path, capsys, monkeypatch) -> dict[type[Record], Callable[[Any], str]]:
     """What is written about a record of each kind."""
 
     def card(record: Any) -> str:
@@ -99,11 +100,16 @@ def show(datasets, tmp_path, capsys) -> dict[type[Record], Callable[[Any], str]]
         print_robustness(record)
         return capsys.readouterr().out
 
+    def experts(record: Any) -> str:
+        monkeypatch.setattr(expert_tables, "movable_items", lambda _: 1)  # which compiles a model
+        record.write(tmp_path / "experts/standard/expert.json")
+        return expert_tables.tasks_page(tmp_path / "experts")
+
     return {
         type(RESULT): lambda record: benchmark_page({Path("a.json"): record}, Path(EVIL)),
         type(ROBUSTNESS): robustness,
         type(EXPERT_REPORT): lambda record: expert_robustness_page({record.task: record}),
-        type(EXPERT): lambda _: "",  # tests of the environment see to the pages of experts
+        type(EXPERT): experts,
         Provenance: card,
     }
 

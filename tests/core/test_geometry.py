@@ -111,10 +111,8 @@ def test_axis_angle_and_rotation_vector_agree():
 
 def test_torch_twins_agree(quaternions):
     tensor = torch.from_numpy(quaternions)
-    euler, matrices = (
-        torch.from_numpy(convert(quaternions))
-        for convert in (rotations.quat_wxyz_to_euler_xyz, rotations.quat_wxyz_to_matrix)
-    )
+    euler = torch.from_numpy(rotations.quat_wxyz_to_euler_xyz(quaternions))
+    matrices = torch.from_numpy(rotations.quat_wxyz_to_matrix(quaternions))
     for name, *arguments in (
         ("quat_wxyz_canonical", tensor),
         ("quat_wxyz_conjugate", tensor),
@@ -162,12 +160,6 @@ def test_torch_unprojection_agrees_for_a_batch_of_cameras():
     depths = np.stack([random_depth(seed) for seed in range(3)])
     depths[1, 2, 3] = 0.0
     transforms = np.stack([WORLD_T_CAMERA, np.eye(4), np.linalg.inv(WORLD_T_CAMERA)])
-    expected = np.stack(
-        [pinhole.unproject(d, INTRINSICS, t) for d, t in zip(depths, transforms, strict=True)]
-    )
-    got = pinhole_torch.unproject(
-        torch.from_numpy(depths),
-        torch.from_numpy(np.stack([INTRINSICS] * 3)),
-        torch.from_numpy(transforms),
-    )
+    expected = np.stack([*map(pinhole.unproject, depths, [INTRINSICS] * 3, transforms)])
+    got = pinhole_torch.unproject(*map(torch.from_numpy, (depths, np.stack([INTRINSICS] * 3), transforms)))
     np.testing.assert_allclose(got.mT.numpy(), expected.reshape(3, -1, 3), atol=1e-9)

@@ -57,41 +57,29 @@ def test_bad_vectors_are_refused_with_a_reason(change, message):
         BimanualKeypose.from_vector(change(example().to_vector()))
 
 
-def recording(moving: list[bool], gripper_open: list[bool] | None = None) -> np.ndarray:
-    """Actions in which one right joint moves where told and the left gripper follows `gripper_open`."""
-    actions = np.zeros((len(moving), 16), dtype=np.float32)
-    actions[:, 11] = np.cumsum(np.where(moving, 0.02, 0.0))
-    actions[:, [7, 15]] = 1.0
-    if gripper_open is not None:
-        actions[:, 7] = gripper_open
+def recording(moving: tuple[int, ...], gripper_open: tuple[int, ...]) -> np.ndarray:
+    """Actions of a right joint that rests, moves, rests, ... and of a left gripper that is open, closed, ... for so many frames."""
+    moves = np.repeat(np.arange(len(moving)) % 2 == 1, moving)
+    actions = np.zeros((len(moves), 16), dtype=np.float32)
+    actions[:, 11] = np.cumsum(np.where(moves, 0.02, 0.0))
+    actions[:, 7] = np.repeat(np.arange(len(gripper_open)) % 2 == 0, gripper_open)
+    actions[:, 15] = 1.0
     return actions
 
 
 RECORDINGS = {
-    "setting off after a rest, and the last frame": (
-        [False] + [True] * 10 + [False] * 4 + [True] * 10 + [False] * 6,
-        None,
-        [15, 30],
-    ),
-    "one moving arm prevents a keyframe": ([False] + [True] * 19, None, [19]),
+    "setting off after a rest, and the last frame": ((1, 10, 4, 10, 6), (31,), [15, 30]),
+    "one moving arm prevents a keyframe": ((1, 19), (20,), [19]),
     "a gripper that closes at rest ends the keypose when the rest ends": (
-        [False] + [True] * 5 + [False] * 12 + [True] * 5 + [False] * 3,
-        [True] * 8 + [False] * 18,
+        (1, 5, 12, 5, 3),
+        (8, 18),
         [18, 25],
     ),
-    "a gripper change while moving": ([False] + [True] * 19, [True] * 8 + [False] * 12, [8, 19]),
-    "a gripper event before the first motion": (
-        [False] * 12 + [True] * 6 + [False] * 3,
-        [True] * 2 + [False] * 19,
-        [12, 20],
-    ),
-    "grippers that change one after the other at rest": (
-        [False] + [True] * 5 + [False] * 40,
-        [True] * 10 + [False] * 20 + [True] * 16,
-        [20, 45],
-    ),
-    "resting at the start alone is no keyframe": ([False] * 10 + [True] * 5, None, [14]),
-    "one frame": ([False], None, []),
+    "a gripper change while moving": ((1, 19), (8, 12), [8, 19]),
+    "a gripper event before the first motion": ((12, 6, 3), (2, 19), [12, 20]),
+    "grippers that change one after the other at rest": ((1, 5, 40), (10, 20, 16), [20, 45]),
+    "resting at the start alone is no keyframe": ((10, 5), (15,), [14]),
+    "one frame": ((1,), (1,), []),
 }
 
 

@@ -1,4 +1,4 @@
-"""Datasets read back without LeRobot, and refused when they are not ours."""
+"""Datasets: which rows each view stores; read back without LeRobot, and refused when they are not ours; what cards say."""
 
 import json
 import os
@@ -8,11 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lerobot.utils.constants import DEFAULT_FEATURES
+from sample_results import provenance
 
 from lerobot_bimanual.dataset import feature_table, schema
+from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.layout import check_features
-from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
+from lerobot_bimanual.dataset.reader import RecordedDataset, find_view, read_info
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError
 
@@ -32,10 +36,8 @@ def test_all_columns_come_back_bit_for_bit(datasets, make_episode, calibration, 
         rows = rows_of_view(episode, view, (0.5,))
         assert len(recorded) == len(rows)
         for key, column in recorded.columns.items():
-            written = np.array(
-                [np.squeeze(calibration.rest(row_columns(episode, row, view))[key]) for row in rows]
-            )
-            assert np.array_equal(column, written), key
+            written = [calibration.rest(row_columns(episode, row, view))[key] for row in rows]
+            assert np.array_equal(column, [np.squeeze(value) for value in written]), key
 
 
 @pytest.mark.parametrize("table", ["meta/episodes", "data"])
@@ -47,9 +49,7 @@ def test_a_damaged_table_is_an_error_that_names_the_file(datasets, tmp_path, tab
         list(RecordedDataset(tmp_path / "copy").episodes())
 
 
-def test_a_view_is_found_at_the_root_or_below_and_a_folder_without_dataset_is_an_error(
-    datasets, tmp_path
-) -> None:
+def test_a_view_is_found_at_the_root_or_below_and_a_folder_without_dataset_is_an_error(datasets, tmp_path):
     assert find_view(datasets["frames"].parent, ("keyframes", "frames")) == datasets["keyframes"]
     assert find_view(datasets["frames"], ("keyframes",)) == datasets["frames"]
     with pytest.raises(DatasetError, match="no LeRobot dataset"):
@@ -75,9 +75,7 @@ def test_a_view_is_found_at_the_root_or_below_and_a_folder_without_dataset_is_an
         ({"fps": 0}, "fps"),
     ],
 )
-def test_a_description_that_is_none_is_an_error_that_names_the_place(
-    datasets, tmp_path, changes, place
-) -> None:
+def test_a_description_that_is_none_is_an_error_that_names_the_place(datasets, tmp_path, changes, place):
     root = tmp_path / "copy"
     shutil.copytree(datasets["frames"], root)
     file = root / "meta/info.json"
@@ -91,9 +89,7 @@ def test_a_description_that_is_none_is_an_error_that_names_the_place(
                 reader(root)
 
 
-def test_our_own_features_pass_with_other_columns_and_a_mismatch_names_everything_that_differs(
-    features,
-) -> None:
+def test_our_own_features_pass_with_other_columns_and_a_mismatch_names_everything_that_differs(features):
     here = Path("here")
     check_features(features, here)
     del features[schema.depth_key("front")]
@@ -104,20 +100,14 @@ def test_our_own_features_pass_with_other_columns_and_a_mismatch_names_everythin
     features[schema.KEYFRAME]["dtype"] = "int64"
     with pytest.raises(DatasetError) as mismatch:
         check_features(features, here)
-    for part in (
-        "seed is missing",
-        "shape of action is [14], not [16]",
-        "names of observation.state",
-        "dtype of keyframe is int64, not bool",
-    ):
+    parts = ["seed is missing", "shape of action is [14], not [16]", "names of observation.state"]
+    for part in (*parts, "dtype of keyframe is int64, not bool"):
         assert part in str(mismatch.value)
 
 
 def test_a_dataset_of_another_schema_is_refused_with_what_makes_it_anew(features, tmp_path) -> None:
     features[schema.TASK_NAME]["info"] = {schema.VERSION_INFO: 2}
-    with pytest.raises(
-        DatasetError, match=r"has schema version 2, but .* reads 3: .* `lerobot-bimanual dataset gen"
-    ):
+    with pytest.raises(DatasetError, match=r"has schema version 2, but .* reads 3: .* dataset generate"):
         check_features(features, tmp_path)
 
 
@@ -131,3 +121,59 @@ def test_a_damaged_calibration_is_refused(datasets, tmp_path, change) -> None:
     (root / "meta/info.json").write_text(json.dumps(info))
     with pytest.raises(DatasetError, match=r"copy: the calibration in meta/info\.json is damaged"):
         RecordedDataset(root)
+
+
+@pytest.fixture(params=schema.VIEWS)
+def root(request, datasets, tmp_path: Path) -> Path:
+    """A dataset of two episodes, of three seeds that were tried."""
+    root = tmp_path / request.param
+    shutil.copytree(datasets[request.param], root)
+    provenance(request.param).write(root / PROVENANCE_FILE)
+    return root
+
+
+def test_a_card_explains_every_column_and_how_to_make_the_dataset_again(root, snapshot) -> None:
+    write_card(root, "me/lift_ball")
+    card = (root / "README.md").read_text()
+    described = re.findall(r"^\| `(\S+)`", card, re.MULTILINE)
+    assert read_info(root)["features"].keys() - DEFAULT_FEATURES <= {*described}
+    assert card == snapshot
+
+
+TICKS, FIRST_STAGE = 21, 12
+"""Of the made-up episode: motion in ticks 0 to 7 and 12 to 16, waiting in between and after."""
+
+
+def test_a_state_hash_fits_into_a_signed_integer() -> None:
+    assert schema.state_hash_column("00000000000000ff" + "a" * 48) == 255
+    assert schema.state_hash_column("f" * 64) == -1
+    assert np.int64(schema.state_hash_column("8" + "0" * 63)) == np.iinfo(np.int64).min
+
+
+@pytest.mark.parametrize(
+    ("view", "intermediate", "rows"),
+    [
+        ("frames", (0.5,), [*range(TICKS)]),
+        ("keyframes", (), [0, FIRST_STAGE, TICKS]),
+        ("keyframes", (0.5,), [0, 4, 12, 14, 21]),
+        ("keyframes", (0.99,), [0, 8, 12, 17, 21]),
+    ],
+)
+def test_a_view_has_every_tick_or_stages_and_parts_of_their_motion(make_episode, view, intermediate, rows):
+    assert rows_of_view(make_episode(0), view, intermediate) == rows
+
+
+@pytest.mark.parametrize(("view", "keyframes"), [("frames", [12, 20]), ("keyframes", [12, 21])])
+def test_a_row_has_action_time_and_flag_and_the_last_repeats_keypose_and_hash(make_episode, view, keyframes):
+    episode = make_episode(0)
+    rows = {row: row_columns(episode, row, view) for row in rows_of_view(episode, view)}
+    assert [row for row in rows if rows[row][schema.KEYFRAME]] == keyframes
+    for row, columns in rows.items():
+        tick = min(row, TICKS - 1)
+        stage = 0 if tick < FIRST_STAGE else 1
+        action = episode.steps[tick].action if view == "frames" else episode.keyposes[stage]
+        assert np.array_equal(columns[schema.ACTION], action)
+        assert columns[schema.TIME] == np.float32(row * 0.05)
+        assert [columns[schema.TICK], columns[schema.STATE_HASH]] == [row, episode.steps[tick].state_hash]
+        seen = episode.final_observation if row == TICKS else episode.steps[row].observation
+        assert np.array_equal(columns[schema.STATE], seen[schema.STATE])

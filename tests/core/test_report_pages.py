@@ -1,8 +1,9 @@
-"""Pages of results: what does not belong together is refused, and the tables are those of the results."""
+"""Pages of results: what does not belong together is refused, and tables are those of the results; tables in the terminal."""
 
 import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from sample_results import RESULT, proved, put, reported, variant
 from sample_robustness import EXPERT_REPORT
@@ -11,6 +12,7 @@ from lerobot_bimanual.cli import main
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.robustness import expert_robustness_page
+from lerobot_bimanual.terminal import print_table
 
 
 @pytest.fixture
@@ -82,14 +84,8 @@ def test_results_that_are_not_comparable_are_refused(config, fields, message, re
 @pytest.mark.parametrize(
     ("config", "flags"),
     [
-        (
-            {"demos_perturb": "mass:1"},
-            "`--demos=2 --val_episodes=2 --test_episodes=4 --demos_perturb=mass:1`",
-        ),
-        (
-            {"training": RESULT.config.training | {"policy.more": "a b", "policy.depth": 3.0}},
-            "--policy.more=a b",
-        ),
+        ({"demos_perturb": "mass:1"}, "--demos=2 --val_episodes=2 --test_episodes=4 --demos_perturb=mass:1`"),
+        ({"training": RESULT.config.training | {"policy.more": "a b", "policy.depth": 3.0}}, "more=a b"),
     ],
 )
 def test_a_page_says_how_a_result_departs_from_todays_recipe(config, flags, results: Path):
@@ -107,3 +103,18 @@ def test_a_folder_without_results_and_a_result_under_another_name_are_refused(re
 
 def test_a_page_of_expert_robustness_says_which_conditions_are_valid(snapshot):
     assert expert_robustness_page(dict.fromkeys(["a", "b"], EXPERT_REPORT)) == snapshot
+
+
+TABLE = pd.DataFrame(
+    [("take_tray_out_of_oven", "48 of 50 (86% to 99%)", "a reason in many words"), ("lift_ball", 1, "")],
+    columns=["task", "first policy", "second policy"],
+)
+
+
+@pytest.mark.parametrize("columns", [80, 60, 30])
+def test_a_table_is_as_wide_as_the_terminal_allows(columns, capsys, monkeypatch, snapshot):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    print_table(TABLE, "a title of several words")
+    printed = capsys.readouterr().out
+    assert {word for cell in TABLE.to_numpy().flat for word in str(cell).split()} <= set(printed.split())
+    assert printed == snapshot

@@ -1,14 +1,19 @@
-"""What LeRobot reads is what was written, and a broken-off dataset is noticed."""
+"""What LeRobot reads is what was written, a broken-off dataset is noticed, and merging gives what LeRobot's own function gives."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+from lerobot.datasets.aggregate import aggregate_datasets
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
+from lerobot_bimanual.dataset.merging import merge_datasets
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
@@ -27,9 +32,8 @@ def test_lerobot_loads_what_was_written_and_our_reader_decodes_the_same(
     dataset = LeRobotDataset("local/test", root=datasets[view], video_backend="pyav")
     assert (len(dataset), dataset.num_episodes) == (2 * rows, 2)
     assert dataset.fps == (20 if view == "frames" else 1)  # LeRobot's timestamps of keyframes count rows
-    assert [key for key in dataset_to_policy_features(dataset.meta.features) if key.startswith("action")] == [
-        "action"
-    ]
+    read_by_policies = dataset_to_policy_features(dataset.meta.features)
+    assert [key for key in read_by_policies if key.startswith("action")] == ["action"]
     assert dataset.meta.robot_type == schema.ROBOT_TYPE
     episode, reader = make_episode(1), ImageReader(datasets[view])
     decoded = {key: [*reader.images(1, key)] for key in reader.shapes}
@@ -75,9 +79,7 @@ def test_what_holds_for_all_rows_is_in_the_metadata_once_and_a_row_of_another_ca
     seen, last = make_episode(0), make_episode(0).final_observation[schema.CAMERA_EXTRINSICS]
     last[47] += 1e-6
     moved = replace(seen, final_observation=seen.final_observation | {schema.CAMERA_EXTRINSICS: last})
-    with ViewWriter(
-        tmp_path / "x", "local/x", "keyframes", CAMERAS, *SIZE, calibration=calibration
-    ) as writer:
+    with ViewWriter(tmp_path / "x", "a/x", "keyframes", CAMERAS, *SIZE, calibration=calibration) as writer:
         write_episode(seen, [writer])
         with pytest.raises(DatasetError, match="the calibration of a row differs"):
             write_episode(moved, [writer])
@@ -92,3 +94,65 @@ def test_what_breaks_off_is_no_dataset(tmp_path, make_episode, view: schema.View
         raise KeyboardInterrupt
     with pytest.raises(DatasetError, match="no episodes"):
         RecordedDataset(root)
+
+
+@pytest.fixture(params=schema.VIEWS)
+def sources(request, write_view, tmp_path) -> list[Path]:
+    """Three datasets of one, two and one episodes."""
+    seeds = {"a": (0,), "b": (1, 2), "c": (3,)}
+    return [write_view(tmp_path / name, request.param, *of_source) for name, of_source in seeds.items()]
+
+
+def contents(root: Path) -> dict[str, object]:
+    """What every file says, by its path: values and row groups of tables, JSON, bytes of videos."""
+    found = {}
+    for path in sorted(root.rglob("*")):
+        if path.suffix == ".parquet":
+            file = pq.ParquetFile(path)
+            groups = [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
+            found[str(path.relative_to(root))] = file.read().to_pydict(), groups
+        elif path.suffix == ".json":
+            found[str(path.relative_to(root))] = json.loads(path.read_text())
+        elif path.is_file():
+            found[str(path.relative_to(root))] = path.read_bytes()
+    return found
+
+
+@pytest.mark.slow
+def test_the_result_is_that_of_lerobot_and_the_sources_stay_as_they_are(sources, tmp_path) -> None:
+    before = [contents(source) for source in sources]
+    merge_datasets(sources, tmp_path / "ours")
+    assert [contents(source) for source in sources] == before
+    aggregate_datasets(
+        ["local/part"] * len(sources),
+        "local/whole",
+        roots=sources,
+        aggr_root=tmp_path / "theirs",
+        concatenate_videos=False,
+        concatenate_data=False,
+    )
+    ours, theirs = contents(tmp_path / "ours"), contents(tmp_path / "theirs")
+    assert ours.keys() == theirs.keys()
+    for path in ours:
+        assert ours[path] == theirs[path], path
+
+
+def test_tables_keep_their_types(sources, tmp_path) -> None:
+    """LeRobot's function loses the lengths of vectors on the way."""
+    merge_datasets(sources, tmp_path / "whole")
+    for kind in ("data", "meta/episodes"):
+        wanted = pq.read_schema(next(sources[0].glob(f"{kind}/*/*.parquet")))
+        features = json.loads((wanted.metadata or {}).get(b"huggingface", b"{}")).get("info")
+        for path in (tmp_path / "whole").glob(f"{kind}/*/*.parquet"):
+            found = pq.read_schema(path)
+            assert found.equals(wanted)
+            if features:
+                assert json.loads(found.metadata[b"huggingface"]) == {"info": features}
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_datasets_of_different_features_are_refused(datasets, write_view, tmp_path, view) -> None:
+    other = write_view(tmp_path / "other", view, 4, cameras=("front",))
+    with pytest.raises(DatasetError, match="differ in features"):
+        merge_datasets([datasets[view], other], tmp_path / "whole")
+    assert not (tmp_path / "whole").exists()

@@ -28,8 +28,8 @@ def expert_keyposes(task: str, player: Player = EXPERT, seed: int = SEED, pertur
     return np.array([move.action for move in moves])
 
 
-def shifted(index: int | slice, column: int, by: float) -> Callable[[Keyposes], Keyposes]:
-    """An error: one number of one keypose is off."""
+def shifted(index: int | slice, column: int | list[int], by: float) -> Callable[[Keyposes], Keyposes]:
+    """An error: one number, or several, of one keypose is off."""
 
     def change(keyposes: Keyposes) -> Keyposes:
         changed = keyposes.copy()

@@ -1,12 +1,16 @@
-"""One arm alone: no known way does the tasks that need two, and the others are done."""
+"""One arm alone: no known way does the tasks that need two, and the others are done; both arms have to look."""
 
+import coordination
 import pytest
 from adversaries.ways import DOES_IT, NO_WAY_KNOWN, one_armed, tally
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts import baselines
 from lerobot_env_bimanual.experts.runner import run_episode
+from lerobot_env_bimanual.options import SETTINGS
+from lerobot_env_bimanual.tasks.registry import list_tasks
 
 pytestmark = pytest.mark.weekly
 
@@ -28,3 +32,12 @@ def test_no_known_way_does_a_task_with_one_arm(task, arm):
     assert not solved
     if task.startswith(("put_bottle", "handover")):  # without the conditions on the way they do it
         assert len(but_for_the_way) >= 2
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+@pytest.mark.parametrize("task", list_tasks())
+def test_keyposes_of_both_arms_vary(task, setting, monkeypatch):
+    monkeypatch.setattr(baselines, "DEMONSTRATIONS", 12)
+    monkeypatch.setattr(coordination, "demonstrations", baselines.demonstrations.__wrapped__)
+    for row in coordination.spread(task, setting):
+        assert max(map(float, row["place, cm"].split(" to "))) > 2, row

@@ -46,9 +46,8 @@ def test_environments_made_by_gymnasium_follow_its_api_and_render(instant_placem
 def test_vectors_say_where_the_arms_are(state_env):
     observation, _ = state_env.reset(seed=0)
     scene = state_env.scene
-    for arm, agent, pose in zip(
-        ARMS, np.split(observation["agent_pos"], 2), np.split(observation["ee_pose"], 2), strict=True
-    ):
+    vectors = (np.split(observation[key], 2) for key in ("agent_pos", "ee_pose"))
+    for arm, agent, pose in zip(ARMS, *vectors, strict=True):
         assert np.allclose(agent[:7], scene.joint_positions(arm), atol=1e-6)
         assert agent[7] == pytest.approx(1.0, abs=0.02)
         assert np.allclose(pose[:3], scene.tcp(arm).position, atol=1e-6)

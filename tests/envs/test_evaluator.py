@@ -54,9 +54,7 @@ def test_evaluate_exits_with_one_and_says_why(monkeypatch, capsys):
     assert "violation: lift_ball, variation 0: 98/100 is less than 99%" in printed
 
 
-def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_another_world(
-    tmp_path, monkeypatch
-):
+def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_worlds(tmp_path, monkeypatch):
     asked: list[EpisodeSpec] = []
 
     def fail(_, specs: list[EpisodeSpec], label: str) -> list[EpisodeOutcome]:
@@ -82,14 +80,9 @@ def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_ano
     output.write_text(output.read_text().replace(world_version("lift_ball"), "0" * 12))
     assert played("dual_push_buttons,lift_ball") == ball
     assert ExpertReport.read(output).tasks == ["dual_push_buttons", "lift_ball"]
-    assert played("dual_push_buttons", variation="1") == {
-        ("dual_push_buttons", "1", 0),
-        ("dual_push_buttons", "1", 1),
-    }
-    assert played("dual_push_buttons", variation="2") == {
-        ("dual_push_buttons", "2", 0),
-        ("dual_push_buttons", "2", 1),
-    }
+    for variation in ("1", "2"):
+        expected = {("dual_push_buttons", variation, seed) for seed in (0, 1)}
+        assert played("dual_push_buttons", variation=variation) == expected
     assert played("lift_ball", first_seed=1) == {("lift_ball", "0", 1), ("lift_ball", "0", 2)}
     assert ExpertReport.read(output).tasks == ["lift_ball"]  # of other options: replaced
 

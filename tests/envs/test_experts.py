@@ -113,19 +113,18 @@ def test_the_nearest_baseline_plays_the_demonstration_of_the_scene_that_is_most_
     monkeypatch.setattr("lerobot_env_bimanual.experts.baselines.DEMONSTRATIONS", 3)
     demonstrations.cache_clear()
     known = BimanualEnv("lift_ball", split="train", obs="state")
-    assert run_episode(known, 1, make_player("nearest", 0)).success
-    assert (
-        run_episode(known, 1, make_player("nearest", 0)).commands == run_episode(known, 1, expert()).commands
-    )
+    same = run_episode(known, 1, make_player("nearest", 0))
+    assert same.success
+    assert same.commands == run_episode(known, 1, expert()).commands
 
     known.reset(seed=1)
-    here, found = Layout.of(known), [layout for layout, _ in demonstrations("lift_ball", 0, "standard")]
+    shown = demonstrations("lift_ball", 0, "standard")
+    here, found = Layout.of(known), [layout for layout, _ in shown]
     assert [here.distance_m(layout) < 1e-6 for layout in found] == [False, True, False]
     unknown = run_episode(env_of("lift_ball"), SEED, make_player("nearest", 0)).commands
     nearest = min(found, key=Layout.of(env_of("lift_ball")).distance_m)
-    assert unknown[0] == tuple(
-        demonstrations("lift_ball", 0, "standard")[found.index(nearest)][1][0].tolist()
-    )
+    _, keyposes = shown[found.index(nearest)]
+    assert unknown[0] == tuple(keyposes[0].tolist())
     demonstrations.cache_clear()
 
 

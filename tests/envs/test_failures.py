@@ -103,12 +103,7 @@ PLANTED = {
     "left out of reach": (EASY, shifted(2, LEFT_X, 3.0), 2, Responsible.LEFT),
     "right is not a number": (EASY, shifted(3, RIGHT_X, np.nan), 3, Responsible.RIGHT),
     "right grasp": (TRAY, shifted(1, RIGHT_X, 0.06), 1, Responsible.RIGHT),
-    "both grasps": (
-        TRAY,
-        lambda keyposes: shifted(1, LEFT_X, 0.06)(shifted(1, RIGHT_X, 0.06)(keyposes)),
-        1,
-        Responsible.COORDINATION,
-    ),
+    "both grasps": (TRAY, shifted(1, [LEFT_X, RIGHT_X], 0.06), 1, Responsible.COORDINATION),
     "only the first": (TRAY, lambda keyposes: keyposes[:1], 1, Responsible.COORDINATION),
     "all but the last": (TRAY, lambda keyposes: keyposes[:-1], 25, Responsible.TIME),
 }
@@ -129,10 +124,8 @@ def test_under_a_nudge_the_replanning_expert_takes_over():
     once = np.delete(replanned, 1, axis=0)  # plans at the start, then goes to where the item was moved to
     errors = (from_on(5, RIGHT_OPEN, 1.0)(replanned), shifted(1, LEFT_X, 0.06)(once))
     found = attributed(EASY, *(played(EASY, keyposes, seed, perturb) for keyposes in errors), perturb=perturb)
-    assert [(one.last_recoverable, one.responsible) for one in found] == [
-        (5, Responsible.RIGHT),
-        (1, Responsible.LEFT),
-    ]
+    attributions = [(one.last_recoverable, one.responsible) for one in found]
+    assert attributions == [(5, Responsible.RIGHT), (1, Responsible.LEFT)]
     assert found[1].failure_class == FailureClass.MISSED_GRASP
 
 
@@ -173,10 +166,8 @@ def test_behaviour_is_partial_credit_force_and_time_beside_the_experts():
 def test_results_that_cannot_be_replayed_here_are_refused(tmp_path):
     episode = played(TRAY, expert_keyposes(TRAY)[:1])
     record, path = evaluation(TRAY, OPTIONS, episode), tmp_path / "record.json"
-    for digits, message in (
-        (record.world, f"world of {TRAY} is 0"),
-        (episode.proof.start, f"seed {SEED} starts"),
-    ):
+    messages = {record.world: f"world of {TRAY} is 0", episode.proof.start: f"seed {SEED} starts"}
+    for digits, message in messages.items():
         record.write(path)
         path.write_text(path.read_text().replace(digits, "0" * len(digits)))
         with pytest.raises(BimanualError, match=message):

@@ -79,9 +79,15 @@ def test_any_action_is_a_step_or_refused_without_a_trace(environment, actions):
             break
 
 
+@pytest.fixture
+def empty_folder(tmp_path, monkeypatch) -> Path:
+    """The working directory."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 @given(options=OPTIONS, misspelt=MISSPELT)
-def test_any_options_make_an_environment_or_are_refused(options, misspelt):
-    before = set(Path.cwd().iterdir())
+def test_any_options_make_an_environment_or_are_refused_and_write_nothing(options, misspelt, empty_folder):
     try:
         env = BimanualEnv("handover_item", **options | misspelt)
     except BimanualError:
@@ -90,7 +96,7 @@ def test_any_options_make_an_environment_or_are_refused(options, misspelt):
         assert set(env.options.keywords()) == {field.name for field in fields(EnvOptions)}
         assert EnvOptions(**env.options.keywords()) == env.options
         assert env.action_space.contains(env.action_space.sample())
-    assert set(Path.cwd().iterdir()) == before
+    assert not [*empty_folder.iterdir()]
 
 
 SEEDS = st.none() | st.integers() | st.integers(0, 2**63) | NUMBERS | JUNK

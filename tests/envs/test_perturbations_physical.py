@@ -1,7 +1,5 @@
 """Axes of perturbation: the same episodes, changed by one dial, wherever and whenever they are played."""
 
-from __future__ import annotations
-
 import hashlib
 import pickle
 from collections.abc import Callable, Iterator

@@ -122,9 +122,8 @@ def test_noise_exposure_and_missing_cameras_are_as_strong_as_their_level_says(le
         see("depth_noise", level, GREY, np.full((256, 256), distance_m))["front"][1] - distance_m
         for distance_m in (0.5, 1.0, 2.0)
     ]
-    assert np.std(errors_m, axis=(1, 2)) == pytest.approx(
-        AXES.get("depth_noise").levels[level - 1] * np.array([0.25, 1, 4]), rel=0.03
-    )
+    expected_m = AXES.get("depth_noise").levels[level - 1] * np.array([0.25, 1, 4])
+    assert np.std(errors_m, axis=(1, 2)) == pytest.approx(expected_m, rel=0.03)
     assert np.mean(errors_m, axis=(1, 2)) == pytest.approx(0, abs=4e-4)
     stops = AXES.get("colour_noise").levels[level - 1]
     means, deviations = [], []
@@ -204,9 +203,8 @@ def test_paraphrases_are_distinct_and_new_and_name_what_every_instruction_names(
     for variation in spec.variations:
         nominal = spec.instructions_for(variation)
         sentences = [template.format(**variation.words) for template in templates]
-        assert len({sentence.lower().strip(" .?!") for sentence in [*nominal, *sentences]}) == len(
-            [*nominal, *sentences]
-        )
+        texts = [*nominal, *sentences]
+        assert len({text.lower().strip(" .?!") for text in texts}) == len(texts)
         verbs = {template.split()[0] for template in paraphrases()[task]["1"]}
         assert not verbs.intersection(" ".join(paraphrases()[task]["training"]).split())
         needed = [word for word in variation.words.values() if all(word in text for text in nominal)]

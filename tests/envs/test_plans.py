@@ -96,12 +96,9 @@ def test_a_diagnosis_says_how_often_both_arms_follow_one_plan_in_scenes_that_all
         env.reset(seed=seed, options={"variation": 0})
         (lacking if plans.infeasible_plan(env) else allowing).append(seed)
     env.close()
-    players = zip(
-        [*allowing[:3], lacking[0]],
-        [expert(), expert(plan=1), mixed(np.random.default_rng(0)), expert()],
-        strict=True,
-    )
-    episodes = [played(task, expert_keyposes(task, player, seed), seed) for seed, player in players]
+    players = [expert(), expert(plan=1), mixed(np.random.default_rng(0)), expert()]
+    pairs = zip([*allowing[:3], lacking[0]], players, strict=True)
+    episodes = [played(task, expert_keyposes(task, player, seed), seed) for seed, player in pairs]
     record = evaluation(task, {"split": "test"}, *sorted(episodes, key=lambda episode: episode.seed))
     record.write(path := tmp_path / "record.json")
     output = tmp_path / "found.json"

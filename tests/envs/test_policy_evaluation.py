@@ -72,11 +72,7 @@ def test_a_policy_that_remembers_is_reset_and_a_named_evaluation_goes_on_where_i
 
 @pytest.mark.parametrize(
     ("options", "complaint"),
-    [
-        ({"seeds": ()}, "number of seeds is 0"),
-        ({"environments": 0}, "is 0"),
-        ({"keys": "hf"}, "gymnasium, lerobot"),
-    ],
+    [({"seeds": ()}, "seeds is 0"), ({"environments": 0}, "is 0"), ({"keys": "hf"}, "gymnasium, lerobot")],
 )
 def test_what_cannot_be_evaluated_is_refused(options, complaint):
     with pytest.raises(InvalidChoice, match=complaint):

@@ -241,9 +241,8 @@ def test_the_declared_features_are_what_policies_get_and_what_datasets_hold(give
     observation, _ = env.reset(seed=0)
     env.close()
     pixels = {camera: image[None] for camera, image in observation.pop("pixels", {}).items()}
-    batch = preprocess_observation(
-        {key: value[None] for key, value in observation.items()} | {"pixels": pixels}
-    )
+    observations = {key: value[None] for key, value in observation.items()} | {"pixels": pixels}
+    batch = preprocess_observation(observations)
     features = env_to_policy_features(config)
     action = features.pop(schema.ACTION)
     assert (action.type, len(features)) == (FeatureType.ACTION, count)

@@ -30,10 +30,8 @@ def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(tmp_path) ->
     words = [str(tmp_path / "tried twice"), "quick", "too"]
     noted = []
     with WorkerPool(1) as pool:
-        doubled = pool.map(
-            jobs.double_or_die, words, "doubling", "word", note=lambda *pair: noted.append(pair)
-        )
-        assert [*doubled] == [2 * word for word in words]
+        found = pool.map(jobs.double_or_die, words, "doubling", "word", note=lambda *pair: noted.append(pair))
+        assert [*found] == [2 * word for word in words]
     assert noted == [(word, 2 * word) for word in [*words[1:], words[0]]]
 
 

@@ -53,17 +53,14 @@ def images(scene):
 
 def cameras_of(scene: Scene, height: int = SIZE, width: int = SIZE):
     extrinsics, intrinsics = calibration(scene, height, width)
-    return (
-        dict(zip(CAMERA_NAMES, extrinsics.reshape(5, 4, 4), strict=True)),
-        dict(zip(CAMERA_NAMES, intrinsics.reshape(5, 3, 3), strict=True)),
-    )
+    matrices = (extrinsics.reshape(5, 4, 4), intrinsics.reshape(5, 3, 3))
+    return tuple(dict(zip(CAMERA_NAMES, of_all, strict=True)) for of_all in matrices)
 
 
 def without_gl(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
     env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "LP_NUM_THREADS")}
-    return subprocess.run(
-        (sys.executable, "-c", program), capture_output=True, text=True, env=env | variables
-    )
+    command = (sys.executable, "-c", program)
+    return subprocess.run(command, capture_output=True, text=True, env=env | variables)
 
 
 def test_arrays_are_never_reused(scene):
@@ -149,10 +146,8 @@ def test_high_quality_has_shadows(scene, images):
 
 
 def test_edges_are_soft_in_colours_and_hard_in_depth(scene):
-    images, large = (
-        renderer.render()
-        for renderer in (Renderer(scene, height=side, width=side) for side in (SIZE // 2, 3 * SIZE // 2))
-    )
+    renderers = (Renderer(scene, height=side, width=side) for side in (SIZE // 2, 3 * SIZE // 2))
+    images, large = (renderer.render() for renderer in renderers)
     for camera, (rgb, depth_m) in images.items():
         large_rgb, large_depth_m = large[camera]
         # Depth is that at a pixel's middle, averaged with none.
@@ -200,11 +195,8 @@ def test_ranks_draw_on_gpus_of_their_own_unless_the_user_chose_one(variables, de
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     egl = SimpleNamespace(eglQueryDevicesEXT=lambda: [*4 * ["GPU"], "software"], EGL_NO_DISPLAY=0)
-    display = SimpleNamespace(
-        EGL=egl,
-        EGL_DISPLAY=None,
-        create_initialized_egl_device_display=lambda: int(os.environ[gl.DEVICE] != "3"),
-    )
+    display = SimpleNamespace(EGL=egl, EGL_DISPLAY=None)
+    display.create_initialized_egl_device_display = lambda: int(os.environ[gl.DEVICE] != "3")
     monkeypatch.setitem(sys.modules, "mujoco.egl", display)
     monkeypatch.setattr(gl, "_is_software", lambda device: device == "software")
     with gl.device_chosen():

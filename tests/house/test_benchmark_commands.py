@@ -3,6 +3,7 @@
 import shlex
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -66,15 +67,13 @@ def test_several_policies_and_tasks_are_benchmarks_of_which_a_failure_stops_no_o
 
     def start(words, log):
         started.append(words)
-        running.append(
-            subprocess.Popen([sys.executable, "-c", f"raise SystemExit({len(running) == 1})"], stdout=log)
-        )
+        program = f"raise SystemExit({len(running) == 1})"
+        running.append(subprocess.Popen([sys.executable, "-c", program], stdout=log))
         return running[-1]
 
     monkeypatch.setattr(column, "start", start)
-    monkeypatch.setattr(
-        column.BenchmarkResult, "read", lambda _: SimpleNamespace(rates={"policy": SuccessRate(48, 50)})
-    )
+    result = SimpleNamespace(rates={"policy": SuccessRate(48, 50)})
+    monkeypatch.setattr(column.BenchmarkResult, "read", lambda _: result)
     config = BenchmarkConfig("peract2,rvt_lf", "lift_ball,push_box", lanes=2, output=tmp_path)
     asked = column.cells(config, ["lift_ball", "push_box"])
     with pytest.raises(BimanualError, match=r"1 of 4 failed; .*logs/push_box_peract2_small_seed1000.log"):
@@ -102,10 +101,8 @@ def test_the_last_step_leaves_a_checkpoint_too(steps: int, save_freq: int, check
 
 
 def test_benchmarks_of_several_tasks_share_one_network_and_nothing_else():
-    one, other = (
-        Plan.of(BenchmarkConfig(task=task, trained_on="lift_ball,push_box", first_seed=7))
-        for task in ("lift_ball", "push_box")
-    )
+    shared = {"trained_on": "lift_ball,push_box", "first_seed": 7}
+    one, other = (Plan.of(BenchmarkConfig(task=task, **shared)) for task in ("lift_ball", "push_box"))
     assert one.generation() == other.generation()
     assert one.training() == other.training()
     assert "--task=lift_ball,push_box" in one.generation().words
@@ -117,10 +114,8 @@ def test_benchmarks_of_several_tasks_share_one_network_and_nothing_else():
 
 
 def test_results_of_different_benchmarks_have_folders_and_files_of_their_own():
-    plans = [
-        Plan.of(BenchmarkConfig(**{name: value}))
-        for name, value in (("policy", "act"), ("task", "push_box"), ("variation", "0"), ("seed", 1))
-    ]
+    changes = {"policy": "act", "task": "push_box", "variation": "0", "seed": 1}
+    plans = [Plan.of(BenchmarkConfig(**{name: value})) for name, value in changes.items()]
     assert len({plan.result for plan in plans}) == len({plan.run_folder for plan in plans}) == len(plans)
     assert Plan.of(BenchmarkConfig(variation="00")) == Plan.of(BenchmarkConfig(variation="0"))
 
@@ -130,19 +125,14 @@ FILES = sorted(PACKAGES.glob("*/recipes/*.yaml"))
 
 
 def test_every_policy_has_a_recipe_of_every_size():
-    policies = {
-        path.parent.name.removeprefix("configuration_") for path in PACKAGES.glob("*/configuration_*.py")
-    }
-    assert {(path.parts[-3], path.stem) for path in FILES} == {
-        (policy, size) for policy in policies | STOCK for size in SIZES
-    }
+    policies = {path.parent.name for path in PACKAGES.glob("*/configuration_*.py")}
+    assert {(path.parts[-3], path.stem) for path in FILES} == {*product(policies | STOCK, SIZES)}
 
 
 def test_all_recipes_are_listed_with_their_files(capsys, monkeypatch):
     policy_recipes(RecipesConfig())
-    assert {word for word in capsys.readouterr().out.split() if word.endswith(".yaml")} == set(
-        map(str, FILES)
-    )
+    printed = capsys.readouterr().out.split()
+    assert {word for word in printed if word.endswith(".yaml")} == set(map(str, FILES))
     monkeypatch.setattr("lerobot_bimanual.commands.policy_recipes.entries", lambda _: {})
     with pytest.raises(BimanualError, match="no recipes are installed"):
         policy_recipes(RecipesConfig())

@@ -123,17 +123,11 @@ def test_a_command_returns_its_exit_code_and_unwinds_when_it_is_ended(name, gree
     ],
     ids=["ASCII", "after the work", "within the work"],
 )
-def test_ascii_terminals_and_closed_pipes_end_no_command_with_a_traceback(
-    name, reader, shown, code, greeting, tmp_path
-):
+def test_ascii_terminals_and_closed_pipes_cause_no_traceback(name, reader, shown, code, greeting, tmp_path):
     program = f"(sleep 0.3; exec {sys.executable} -m lerobot_bimanual.cli greet --name={name}) | {reader}"
     program += "; exit ${PIPESTATUS[0]}"
-    environment = os.environ | {
-        "PYTHONPATH": str(tmp_path),
-        "PYTHONIOENCODING": "ascii",
-        "PYTHONUNBUFFERED": "",
-    }
-    child = subprocess.run(["bash", "-c", program], capture_output=True, env=environment, check=False)
+    env = os.environ | {"PYTHONPATH": str(tmp_path), "PYTHONIOENCODING": "ascii", "PYTHONUNBUFFERED": ""}
+    child = subprocess.run(["bash", "-c", program], capture_output=True, env=env, check=False)
     assert (child.stdout, child.stderr, child.returncode) == (shown, b"", code)
 
 
@@ -168,9 +162,7 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
     exceptions |= {(command, "task"): "lift_ball" for command in one_task}
     required = ("dataset generate", "policy robustness")  # hours of work
     exceptions |= {(command, "task"): dataclasses.MISSING for command in required}
-    exceptions |= {
-        (f"{what} verify", "sample_seed"): None for what in ("dataset", "results")
-    }  # drawn anew in every run
+    exceptions |= {(f"{what} verify", "sample_seed"): None for what in ("dataset", "results")}  # drawn anew
     kinds = {"root": Path, "checkpoint": Path, "output": Path, "results": Path, "expert_reports": Path}
     kinds |= {"task": str, "episodes": int, "first_seed": int, "seed": int, "device": str}
     forbidden = {"dataset", "seeds", "size", "films", "film", "videos", "certificates", "control", "figure"}

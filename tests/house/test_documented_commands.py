@@ -24,10 +24,8 @@ SMALLER: dict[str, str] = {
 }
 """Values of flags that are given."""
 TRAINING = ("--steps=2", "--save_freq=2", "--batch_size=2", "--num_workers=0", "--policy.device=cpu")
-EVALUATION = (
-    *("--policy.device=cpu", "--eval.n_episodes=1", "--eval.batch_size=1"),
-    *("--env.image_size=32", "--env.max_keyposes=2"),
-)
+EVALUATION = ("--policy.device=cpu", "--eval.n_episodes=1", "--eval.batch_size=1")
+EVALUATION += ("--env.image_size=32", "--env.max_keyposes=2")
 FURTHER: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("lerobot-train", "lerobot-bimanual-train"), TRAINING),
     **dict.fromkeys(("lerobot-eval", "lerobot-bimanual-eval"), EVALUATION),
@@ -42,7 +40,7 @@ FURTHER: dict[str, tuple[str, ...]] = {
 ELSEWHERE = {
     "make |source |set |[A-Z]+=|echo ": "of the shell, or they set this repository up",
     "pip |.*pre-commit|hf |.*dataset push|.*smolvla": "need the network",
-    "ray |RAY|torchrun|lerobot-train --policy.type=peract2": "need machines or a GPU; test_generate_ray.py has two machines",
+    "ray |RAY|torchrun|lerobot-train --policy.type=peract2": "need machines or a GPU; test_generate.py has two machines",
     ".*(raise_block|my_task)": "need a task of one's own, of which test_examples.py has the same",
     "lerobot-(replay|rollout)|python -m lerobot|.*local/demonstrations": "robots/test_programs.py plays the same",
     "lerobot-bimanual results verify --results=results/leaderboard": "test_results.py replays an episode of drawn rows",
@@ -70,21 +68,16 @@ def words_after(program: str) -> list[list[str]]:
     return found
 
 
+PROGRAMS = ("lerobot-bimanual", "lerobot-bimanual-train", "lerobot-bimanual-eval")
+PROGRAMS += ("(?<!bimanual-)lerobot-train", "lerobot-eval")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "program",
-    [
-        *("lerobot-bimanual", "(?<!bimanual-)lerobot-train", "lerobot-eval"),
-        *("lerobot-bimanual-train", "lerobot-bimanual-eval"),
-    ],
-)
+@pytest.mark.parametrize("program", PROGRAMS)
 def test_the_commands_of_our_and_lerobots_programs_parse(program, monkeypatch):
     monkeypatch.chdir(ROOT)  # which holds the recipes
-    parsed: set[str] = set()  # flags with their values; parsing is slow, and most commands hold the same ones
     for flags in words_after(program):
-        if not parsed.issuperset(flags):
-            parse(program, *flags)
-            parsed |= {*flags}
+        parse(program, *flags)
 
 
 def test_make_knows_every_target_that_is_named() -> None:
@@ -95,9 +88,8 @@ def test_make_knows_every_target_that_is_named() -> None:
 
 def test_the_files_that_commands_read_exist() -> None:
     named = {word.rpartition("=")[2] for words in ALL for word in words}
-    paths = {
-        word for word in named if re.match(r"(results|examples|scripts|benchmarks|policies)/[\w./-]+$", word)
-    }
+    folders = "results|examples|scripts|benchmarks|policies"
+    paths = {word for word in named if re.match(rf"({folders})/[\w./-]+$", word)}
     filled_by_commands = ("results/leaderboard", "results/robustness", "results/expert_reports")
     written = {word for word in paths if word.startswith(filled_by_commands)}
     assert len(paths) > 10
@@ -119,9 +111,8 @@ def test_the_commands_and_programs_of_every_page_run(tmp_path: Path) -> None:
     for place, source in ROOM.items():
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).symlink_to(ROOT / source)
-    first = [
-        ROOT / f"{name}.md" for name in ("README", "docs/training", "docs/failures")
-    ]  # leave what others read
+    # What these leave, others read.
+    first = [ROOT / f"{name}.md" for name in ("README", "docs/training", "docs/failures")]
     pages = dict.fromkeys([*first, *DOCUMENTS, *sorted(ROOT.glob("examples/*.sh"))])
     for words in dict.fromkeys(tuple(small(words)) for words in commands(*pages)):
         if re.match("|".join(ELSEWHERE), " ".join(words)):

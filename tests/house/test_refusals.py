@@ -71,12 +71,10 @@ REFUSED = {
         "output=/proc/films": "cannot write /proc/films",
     },
 }
+REFUSALS = [(command, *refused) for command, rows in REFUSED.items() for refused in rows.items()]
 
 
-@pytest.mark.parametrize(
-    ("command", "flags", "message"),
-    [(command, *refused) for command, rows in REFUSED.items() for refused in rows.items()],
-)
+@pytest.mark.parametrize(("command", "flags", "message"), REFUSALS)
 def test_a_flag_that_cannot_be_meant_is_refused(command, flags, message, tmp_path, monkeypatch, capsys):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -134,11 +132,8 @@ NEEDED = {
     "task view": ["--task=lift_ball"],
 }
 """Further flags of a command."""
-COMMANDS = [
-    name
-    for name, entry in cli.find_commands().items()
-    if "output" in {field.name for field in fields(cli.config_type_of(entry.load()))}
-]
+FLAGS = {name: fields(cli.config_type_of(entry.load())) for name, entry in cli.find_commands().items()}
+COMMANDS = [name for name, flags in FLAGS.items() if "output" in {flag.name for flag in flags}]
 WORK = (
     "lerobot_env_bimanual.workers.WorkerPool.__init__",
     "lerobot_env_bimanual.world.scene.Scene.__init__",
@@ -157,9 +152,8 @@ def test_an_output_that_cannot_be_written_is_named_before_the_work(command, tmp_
     monkeypatch.setattr("lerobot_bimanual.dataset.reader.find_view", lambda *_: None)
     monkeypatch.setattr("lerobot_bimanual.commands.policy_benchmark.check_task", lambda _: None)
     (tmp_path / "file").touch()
-    assert (
-        cli.main([*command.split(), *NEEDED.get(command, []), f"--output={tmp_path / 'file/page.png'}"]) == 1
-    )
+    words = [*command.split(), *NEEDED.get(command, []), f"--output={tmp_path / 'file/page.png'}"]
+    assert cli.main(words) == 1
     message = capsys.readouterr().err.strip()
     assert message.startswith("lerobot-bimanual: cannot write ")
     assert "\n" not in message

@@ -1,4 +1,4 @@
-"""What is committed of results: the page is that of the rows, and every trained policy belongs to a row."""
+"""What is committed of results: pages are those of rows and reports, of present worlds; every trained policy belongs to a row."""
 
 import shlex
 from pathlib import Path
@@ -13,10 +13,13 @@ from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.files import sha256
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
-from lerobot_bimanual.results.benchmark import BenchmarkResult, BenchmarkSettings
+from lerobot_bimanual.reports.robustness import expert_robustness_page
+from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.expert_report import ExpertReport
+from lerobot_bimanual.results.robustness import perturb_text, read_expert_robustness
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.sweep.conditions import conditions_of
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
@@ -25,6 +28,9 @@ ROWS = {path: BenchmarkResult.read(path) for path in PATHS}
 BOARD = {path: row for path, row in ROWS.items() if path.parent.name == "leaderboard"}
 ROWS_PLAYED = 20
 """So that the test takes no longer the more rows there are."""
+REPORTS = ROOT.glob("results/expert_reports/*/expert.json")
+WORLDS = {path.parent.name: ExpertReport.read(path).worlds for path in REPORTS}
+"""Of the experts, by setting and task."""
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
 
 
@@ -41,9 +47,8 @@ def test_the_page_of_results_is_that_of_the_rows(monkeypatch: pytest.MonkeyPatch
 
 def test_every_row_is_of_the_world_of_the_experts():
     for path, row in ROWS.items():
-        report = ExpertReport.read(ROOT / "results/expert_reports" / row.config.setting / "expert.json")
         if not row.config.perturb:
-            assert row.world == report.worlds[row.task], path
+            assert row.world == WORLDS[row.config.setting][row.task], path
 
 
 @pytest.mark.slow
@@ -54,17 +59,12 @@ def test_every_row_of_a_perturbed_test_is_of_the_present_world():
             assert row.world == here, path
 
 
-SETTINGS = [
-    resolve(BenchmarkConfig(policy=policy, task="push_box", seed=7)) for policy in sorted(entries(GROUP))
-]
+SETTINGS = [resolve(BenchmarkConfig(policy, "push_box", seed=7)) for policy in sorted(entries(GROUP))]
+SETTINGS += [row.config for row in ROWS.values()]
 
 
-@pytest.mark.parametrize(
-    "settings", [*SETTINGS, *(row.config for row in ROWS.values())], ids=lambda each: each.file_name
-)
-def test_the_command_that_is_printed_for_a_result_trains_and_scores_exactly_that_result(
-    settings: BenchmarkSettings,
-):
+@pytest.mark.parametrize("settings", SETTINGS, ids=lambda each: each.file_name)
+def test_the_command_that_is_printed_for_a_result_trains_and_scores_exactly_that_result(settings):
     program, group, verb, *flags = shlex.split(command(shortest_config(settings)))
     assert (program, group, verb) == ("lerobot-bimanual", "policy", "benchmark")
     assert resolve(parse_flags(BenchmarkConfig, flags)) == settings
@@ -76,10 +76,8 @@ def test_a_row_has_its_name_and_learned_from_the_demonstrations_of_its_command()
         words = Plan.of(shortest_config(row.config)).generation().words[3:]
         generated = dict(word.removeprefix("--").split("=", 1) for word in words)
         recorded = row.demonstrations.settings
-        assert (recorded["views"], recorded["cameras"]) == (
-            [generated["view"]],
-            generated["cameras"].split(","),
-        )
+        assert recorded["views"] == [generated["view"]]
+        assert recorded["cameras"] == generated["cameras"].split(",")
         assert str(recorded["episodes"]) == generated["episodes"]
         assert str(recorded["height"]) == str(recorded["width"]) == generated["image_size"]
         assert recorded["depth"] == (generated.get("depth") != "false")
@@ -112,3 +110,27 @@ def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Pa
     for room in sorted(rooms):
         config = ResultsVerifyConfig(results=room, sample=1, sample_seed=seed)
         assert results_verify(config) == 0, f"--sample_seed={seed}: {capsys.readouterr().out}"
+
+
+PERTURBED = ROOT / "results/expert_reports/perturbed"
+EXPERTS = read_expert_robustness(PERTURBED) if PERTURBED.is_dir() else {}
+
+
+def test_the_page_of_the_experts_is_that_of_their_reports():
+    assert (ROOT / "docs/expert_robustness.md").read_text() == expert_robustness_page(EXPERTS)
+
+
+def test_a_report_of_the_expert_has_every_condition_that_changes_what_happens():
+    for task, report in EXPERTS.items():
+        conditions = conditions_of(task)
+        played = [key for key in conditions if conditions.played_as(key) == key]
+        assert [each.key for each in report.conditions] == played
+        assert report.nominal.world == WORLDS["standard"][task]
+
+
+@pytest.mark.slow
+def test_a_condition_drawn_at_random_of_each_file_is_of_the_present_world():
+    """Others in every run."""
+    for result in EXPERTS.values():
+        condition = result.conditions[np.random.default_rng().integers(len(result.conditions))]
+        assert condition.world == world_version(result.task, perturb_text(*condition.key)), condition.name

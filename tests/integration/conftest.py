@@ -26,9 +26,8 @@ TINY_RVT = TINY | {"voxel_size": 15, "patch": 3, "attention_dim": 32, "depth": 2
 @pytest.fixture(scope="session")
 def tiny_flags() -> dict[str, tuple[str, ...]]:
     """By type of keypose policy, flags of LeRobot's commands for a network as small as can be."""
-    options = dict.fromkeys(("peract2", "peract_independent", "peract_lf"), TINY_PERACT) | {
-        "rvt_lf": TINY_RVT
-    }
+    options = dict.fromkeys(("peract2", "peract_independent", "peract_lf"), TINY_PERACT)
+    options["rvt_lf"] = TINY_RVT
     return {
         policy: (f"--policy.type={policy}", *(f"--policy.{name}={value}" for name, value in tiny.items()))
         for policy, tiny in options.items()
@@ -113,9 +112,8 @@ def played_again():
         env = BimanualEnv(meta.task, split=meta.split, obs="state")
         env.reset(seed=meta.seed, options={"variation": meta.variation})
         actions, hashes = columns[schema.ACTION], list[int]()
-        if (
-            dataset.view == "keyframes"
-        ):  # rows on the way to a keypose have it, too, and the last row repeats the last one
+        # In keyframes, rows on the way to a keypose have it, too, and the last row repeats the last one.
+        if dataset.view == "keyframes":
             actions = actions[np.unique(columns[schema.KEYPOSE_STEP][:-1], return_index=True)[1]]
         with env.observed_by(lambda env, _: hashes.append(schema.state_hash_column(env.state_hash()))):
             for action in actions:

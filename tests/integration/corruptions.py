@@ -27,12 +27,10 @@ from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.joint_action import CONTROL_HZ
 
 ROWS, ENTRIES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
-FRONT, FRONT_DEPTH, WRIST = (
-    schema.image_key("front"),
-    schema.depth_key("front"),
-    schema.image_key("left_wrist"),
-)
+FRONT, WRIST = schema.image_key("front"), schema.image_key("left_wrist")
+FRONT_DEPTH = schema.depth_key("front")
 VIDEO = f"videos/{FRONT}/chunk-000/file-000.mp4"
+NEXT_VIDEO, WRIST_VIDEO = VIDEO.replace("file-000", "file-001"), VIDEO.replace(FRONT, WRIST)
 FRAMES: tuple[View, ...] = ("frames",)
 KEYFRAMES: tuple[View, ...] = ("keyframes",)
 
@@ -48,9 +46,7 @@ class Corruption(NamedTuple):
     views: tuple[View, ...] = VIEWS
 
 
-def column(
-    key: str, value: Callable[[Any], Any], rows: Sequence[int] | slice = slice(None), file: str = ROWS
-) -> Change:
+def column(key, value: Callable[[Any], Any], rows: Sequence[int] | slice = slice(None), file=ROWS) -> Change:
     """Changes cells of a column in some rows of episode 1."""
 
     def change(root: Path) -> None:
@@ -189,15 +185,8 @@ CORRUPTIONS = (
     Corruption("not a number", "replay", column(schema.STATE, plus(float("nan")), [2])),
     Corruption("video is gone", "images complete", lambda root: (root / VIDEO).unlink(), FRAMES),
     Corruption("video is cut off", "images complete", lambda root: os.truncate(root / VIDEO, 2000), FRAMES),
-    Corruption(
-        "video of another length",
-        "images complete",
-        video_replaced_by(VIDEO.replace("file-000", "file-001")),
-        FRAMES,
-    ),
-    Corruption(
-        "video of another camera", "rendered RGB", video_replaced_by(VIDEO.replace(FRONT, WRIST)), FRAMES
-    ),
+    Corruption("video of another length", "images complete", video_replaced_by(NEXT_VIDEO), FRAMES),
+    Corruption("video of another camera", "rendered RGB", video_replaced_by(WRIST_VIDEO), FRAMES),
     Corruption("video is a tick late", "rendered RGB", encoded_again(lambda f: [f[0], *f[:-1]]), FRAMES),
     Corruption("a video late from its middle", "rendered RGB", encoded_again(late_from_the_middle), FRAMES),
     Corruption("a repainted thing", "rendered RGB", encoded_again(repainted), FRAMES),

@@ -26,9 +26,7 @@ def edit(monkeypatch):
 
     def run_edit(operation: str, *flags: str, **options: object) -> None:
         words = [f"--operation.{name}={json.dumps(value)}" for name, value in options.items()]
-        monkeypatch.setattr(
-            sys, "argv", ["lerobot-edit-dataset", f"--operation.type={operation}", *flags, *words]
-        )
+        monkeypatch.setattr(sys, "argv", ["edit", f"--operation.type={operation}", *flags, *words])
         lerobot_edit_dataset.main()
 
     return run_edit

@@ -23,9 +23,7 @@ def evaluation(folder: Path) -> dict:
 
 def test_make_watch_shows_a_policy_that_solves_its_task(tmp_path):
     said = run("make", "--dry-run", "watch", f"WATCH={tmp_path}", folder=EXAMPLES.parent)
-    (line,) = [
-        line for line in said.replace("\\\n", "").splitlines() if "lerobot-bimanual-eval --policy" in line
-    ]
+    (line,) = [line for line in said.replace("\\\n", "").splitlines() if "bimanual-eval --policy" in line]
     run("lerobot-bimanual-eval", *shlex.split(line)[1:], "--eval.n_episodes=2", folder=EXAMPLES.parent)
     videos = [path.stem for path in (tmp_path / "videos").glob("*.mp4")]
     assert len(videos) == 2
@@ -61,14 +59,9 @@ def test_a_task_and_a_policy_of_ones_own_pass_their_tests_and_are_trained_and_sc
     shipped = EXAMPLES.parent / "results/checkpoints/peract2_on_all"
     for policy in ("--policy.type=my_own", f"--policy.path={shipped}"):
         out = policy.rpartition("_")[2]
-        training = (
-            "--dataset.repo_id=local/data",
-            "--dataset.root=data",
-            "--batch_size=2",
-            f"--output_dir={out}",
-        )
+        places = ("--dataset.repo_id=local/data", "--dataset.root=data", f"--output_dir={out}")
         ours = (policy, "--policy.device=cpu", "--policy.push_to_hub=false", "--steps=2", "--save_freq=2")
-        run("lerobot-bimanual-train", *ours, *training, folder=tmp_path, PYTHONPATH=str(site))
+        run("lerobot-bimanual-train", *ours, *places, "--batch_size=2", folder=tmp_path, PYTHONPATH=str(site))
         checkpoint = f"--policy.path={out}/checkpoints/last/pretrained_model"
         env = ("--env.task=my_own", "--env.image_size=128", "--eval.n_episodes=1", "--eval.batch_size=1")
         trusted = ("--policy.device=cpu", "--trust_checkpoint=true", f"--output_dir={out}/eval")

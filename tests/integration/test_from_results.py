@@ -48,9 +48,7 @@ def records(tmp_path_factory):
     return folder / "lift_ball_test_record.json"
 
 
-def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views(
-    records, played_again, tmp_path, capsys
-):
+def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes(records, played_again, tmp_path, capsys):
     played = EvaluationRecord.read(records).episodes
     assert [episode.success for episode in played] == [True, True, False, False]
     root = tmp_path / "played"
@@ -69,10 +67,8 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views
     assert [played_again(frames, index) for index in range(3)] == [each.ticks for each in played[:3]]
     # The poses that discovery finds in joint actions are where keyposes lead.
     reached = RecordedDataset(root / "keyframes").episode(1).columns
-    given, found = (
-        column.reshape(len(column), 2, -1)[:, :, :3]
-        for column in (reached[schema.EE_POSE][1:], reached[schema.ACTION][:-1])
-    )
+    columns = (reached[schema.EE_POSE][1:], reached[schema.ACTION][:-1])
+    given, found = (column.reshape(len(column), 2, -1)[:, :, :3] for column in columns)
     assert np.abs(given - found).max() < 0.02
     assert reached[schema.KEYPOSE_STEP].ravel().tolist() == [*range(len(given) + 1)]
     assert main(["dataset", "verify", f"--root={root}", "--workers=1"]) == 3

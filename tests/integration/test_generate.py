@@ -1,9 +1,11 @@
 """Generated datasets are complete, reproducible, true to the environment, and survive crashes."""
 
+import runpy
 import shlex
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -57,9 +59,8 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
     recorded = dataset.episode(1)
     rows = [i for i, index in enumerate(keyframes.hf_dataset["episode_index"]) if index == 1]
     items = {int(item["tick"]): item for i in rows if isinstance(item := keyframes[i], dict)}
-    env = BimanualEnv(
-        "lift_ball", variation=0, split="train", cameras=cameras, image_size=(24, 32), control_mode="joint"
-    )
+    options = {"cameras": cameras, "image_size": (24, 32), "control_mode": "joint"}
+    env = BimanualEnv("lift_ball", variation=0, split="train", **options)
     observation, _ = env.reset(seed=recorded.meta.seed)
     for tick, action in enumerate([*recorded.columns[schema.ACTION], None]):
         if (item := items.get(tick)) is not None:
@@ -205,3 +206,27 @@ def test_with_several_plans_a_column_says_which_is_followed(small_generation, tm
     assert dataset_verify(DatasetVerifyConfig(root=config.root, workers=1)) == 0
     assert dataset.provenance.settings["plans"] == "several"
     assert "plans" not in settings_of(replace(config, plans="one")).model_dump()  # as in datasets of old
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples/11_ray_cluster.py"
+
+
+@pytest.mark.weekly
+@pytest.mark.timeout(900)
+def test_two_machines_give_the_dataset_of_one_process(
+    generated, small_generation, tree_hashes, tmp_path, monkeypatch
+) -> None:
+    from ray.cluster_utils import Cluster
+
+    monkeypatch.setenv("RAY_worker_niceness", "0")  # by default everything else on the machine goes first
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    try:
+        cluster.add_node(num_cpus=1)
+        root = tmp_path / generated.name
+        monkeypatch.setenv("RAY_ADDRESS", cluster.address)
+        config = small_generation(root)
+        make_dataset(settings_of(config), root, runpy.run_path(str(EXAMPLE))["ray_executor"](0))
+    finally:
+        cluster.shutdown()
+    assert tree_hashes(root) == tree_hashes(generated)
+    assert [path.name for path in tmp_path.iterdir()] == [root.name]

@@ -10,12 +10,7 @@ from types import FunctionType
 
 import pytest
 
-PACKAGES = (
-    "lerobot_bimanual",
-    "lerobot_env_bimanual",
-    "lerobot_policy_bimanual",
-    "lerobot_robot_bimanual",
-)
+PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual")
 REPOSITORY = Path(__file__).parents[2]
 SOURCES = [
     path
@@ -33,10 +28,8 @@ def classes() -> Iterator[type]:
     for package in PACKAGES:
         for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
             if "vla_eval" not in module.name and not module.name.endswith("__main__"):
-                members = vars(importlib.import_module(module.name)).values()
-                yield from (
-                    kind for kind in members if inspect.isclass(kind) and kind.__module__ == module.name
-                )
+                members = filter(inspect.isclass, vars(importlib.import_module(module.name)).values())
+                yield from (kind for kind in members if kind.__module__ == module.name)
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ KEYFRAMES = "data/keyframes"
 # So that 2 steps and 2 more are the same as 4. After a resume of `lerobot-train`, dropout and augmentation go on with
 # other random numbers, because LeRobot's loader has drawn one more; `lerobot-bimanual-train` takes that back.
 CONSTANT = ["--policy.lr_schedule=constant"]
+RANDOM = ["--policy.attention_dropout=0.5", "--policy.augmentation=true"]
 NOTHING_RANDOM = ["--policy.attention_dropout=0", "--policy.augmentation=false"]
 CAMERA = {"type": "VISUAL", "shape": [3, SIZE, SIZE]}
 TINY_ACT = [
@@ -34,18 +35,12 @@ SHIPPED = POLICIES.parent / "results/checkpoints/peract2_on_all"
 UNNAMED_ACT = [flag for flag in TINY_ACT if not flag.startswith("--policy.input_features")]
 
 
-def train(
-    *flags: str, folder: Path, data: str, steps: int, output: str, command: str = "lerobot-train"
-) -> None:
+def train(*flags, folder: Path, data: str, steps: int, output: str, command="lerobot-train") -> None:
     """Train on a dataset in the folder, and keep the last step."""
-    places = (
-        f"--dataset.repo_id=local/{Path(data).name}",
-        f"--dataset.root={data}",
-        f"--output_dir={output}",
-    )
+    paths = (f"--dataset.repo_id=local/{Path(data).name}", f"--dataset.root={data}", f"--output_dir={output}")
     counts = (f"--steps={steps}", f"--save_freq={steps}", "--batch_size=2", "--num_workers=0")
     alone = ("--policy.device=cpu", "--policy.push_to_hub=false", "--env_eval_freq=0")
-    run(command, *flags, *places, *counts, *alone, folder=folder)
+    run(command, *flags, *paths, *counts, *alone, folder=folder)
 
 
 def evaluate(output: str, folder: Path, *flags: str) -> dict:
@@ -57,10 +52,8 @@ def evaluate(output: str, folder: Path, *flags: str) -> dict:
 
 
 def assert_equal_weights(first: Path, second: Path) -> None:
-    one, other = (
-        load_file(folder / "checkpoints" / "last" / "pretrained_model" / "model.safetensors")
-        for folder in (first, second)
-    )
+    weights = "checkpoints/last/pretrained_model/model.safetensors"
+    one, other = (load_file(folder / weights) for folder in (first, second))
     assert one.keys() == other.keys()
     assert all(one[name].equal(other[name]) for name in one)
 
@@ -88,17 +81,13 @@ def keypose_policy_types() -> list[str]:
 @pytest.mark.parametrize("policy", keypose_policy_types())
 def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     train(*tiny_flags[policy], folder=room, data=KEYFRAMES, steps=20, output=policy)
-    config, stats = (
-        checkpoint_config(room / policy),
-        json.loads((room / KEYFRAMES / "meta/stats.json").read_text()),
-    )
+    config = checkpoint_config(room / policy)
+    meta = room / KEYFRAMES / "meta"
+    stats, origin = (json.loads((meta / f"{name}.json").read_text()) for name in ("stats", "bimanual"))
     (most,) = stats["observation.keypose_step"]["max"]
     assert config["keypose_horizon"] == 1 + round(most)
     assert config["trained_instructions"] == ["push the box to the red area"]
-    assert (
-        config["trained_worlds"]
-        == json.loads((room / KEYFRAMES / "meta/bimanual.json").read_text())["worlds"]
-    )
+    assert config["trained_worlds"] == origin["worlds"]
     assert evaluate(policy, room)["n_episodes"] == 1
 
 
@@ -106,12 +95,7 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     ("command", "randomness", "own", "kept"),
     [
         ("lerobot-train", NOTHING_RANDOM, [], ["000002", "000004", "last"]),
-        (
-            "lerobot-bimanual-train",
-            ["--policy.attention_dropout=0.5", "--policy.augmentation=true"],
-            ["--keep_last", "1"],
-            ["000004", "last"],
-        ),
+        ("lerobot-bimanual-train", RANDOM, ["--keep_last", "1"], ["000004", "last"]),
     ],
 )
 def test_training_resumes_exactly(room, tiny_flags, command, randomness, own, kept):
@@ -141,9 +125,8 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
     if policy == "act":
         assert evaluate("lerobot-bimanual-train-act", room)["n_episodes"] == 1
     weights = (room / f"lerobot-bimanual-train-{policy}").rglob("*.safetensors")
-    assert {path.stat().st_mode for path in weights} == {
-        (room / "data" / view / "meta/info.json").stat().st_mode
-    }
+    usual = (room / "data" / view / "meta/info.json").stat().st_mode
+    assert {path.stat().st_mode for path in weights} == {usual}
 
 
 @pytest.mark.parametrize(

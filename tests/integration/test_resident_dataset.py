@@ -37,9 +37,8 @@ LEARNT_WITH = {
 def stored_in(root: Path, view: schema.View, offsets: dict[str, list[int]], **options) -> LeRobotDataset:
     """A view as LeRobot loads it for training."""
     seconds = {key: [row / feature_table.FPS[view] for row in rows] for key, rows in offsets.items()}
-    return LeRobotDataset(
-        "local/small", root=root / view, return_uint8=True, delta_timestamps=seconds or None, **options
-    )
+    options |= {"return_uint8": True, "delta_timestamps": seconds or None}
+    return LeRobotDataset("local/small", root=root / view, **options)
 
 
 @pytest.fixture
@@ -47,11 +46,9 @@ def stored(generated) -> LeRobotDataset:
     return stored_in(generated, "keyframes", {})
 
 
-def as_lerobot_trains(batch: dict, colour_keys: set[str]) -> dict:
+def as_lerobot_trains(batch: dict, colours: set[str]) -> dict:
     """What LeRobot's training loop does to a batch before the policy's preprocessor."""
-    return batch | {
-        key: batch[key].float() / 255 for key in colour_keys if not batch[key].is_floating_point()
-    }
+    return batch | {key: batch[key].float() / 255 for key in colours if not batch[key].is_floating_point()}
 
 
 def assert_same_batches(held: ResidentDataset, stored: LeRobotDataset, rows: list[int], left_out=()) -> None:
@@ -84,9 +81,7 @@ def test_every_batch_is_the_one_that_lerobot_trains_on(generated, view, offsets)
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)
-def test_chosen_episodes_are_learnt_with_their_own_rows_and_images_that_are_not_read_are_not_decoded(
-    generated, view
-):
+def test_chosen_episodes_are_learnt_with_their_own_rows_and_unread_images_are_not_decoded(generated, view):
     stored = stored_in(generated, view, LEARNT_WITH["a chunk of actions"], episodes=[1])
     assert stored[0]["index"] > 0
     front = schema.image_key("front")
@@ -111,11 +106,7 @@ def test_a_policy_reads_the_images_that_it_names_and_all_if_it_names_none(stored
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [
-        ("streaming", True),
-        ("image_transforms", ImageTransformsConfig(enable=True)),
-        ("depth_output_unit", "m"),
-    ],
+    [("streaming", True), ("image_transforms", ImageTransformsConfig(True)), ("depth_output_unit", "m")],
 )
 def test_rows_that_memory_cannot_hold_as_requested_are_refused_by_flag(option, value, generated):
     dataset = DatasetConfig("local/small", root=str(generated / "keyframes"), **{option: value})

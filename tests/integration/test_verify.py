@@ -148,9 +148,8 @@ def test_not_replayed_is_not_passed(copy, capsys, field, other, reason) -> None:
 
 @pytest.mark.weekly
 def test_a_dataset_of_a_perturbed_world_is_complete_and_sound(small_generation, tmp_path, capsys) -> None:
-    config = small_generation(
-        tmp_path / "made", episodes=1, view="keyframes", perturb="camera_moved:2,light:1"
-    )
+    options = {"episodes": 1, "view": "keyframes", "perturb": "camera_moved:2,light:1"}
+    config = small_generation(tmp_path / "made", **options)
     dataset_generate(config)
     dataset = RecordedDataset(config.root)
     assert dataset.calibration is None  # cameras stand elsewhere in every episode, so every row says where
@@ -161,9 +160,7 @@ def test_a_dataset_of_a_perturbed_world_is_complete_and_sound(small_generation, 
     assert "warning" not in capsys.readouterr().out
 
 
-def test_depth_is_in_keyframes_alone_unless_asked_for_and_both_views_pass(
-    small_generation, tmp_path, capsys
-) -> None:
+def test_depth_is_in_keyframes_alone_unless_asked_for_and_both_views_pass(small_generation, tmp_path, capsys):
     root = tmp_path / "default"
     dataset_generate(small_generation(root, episodes=1, depth=None))
     for view in schema.VIEWS:

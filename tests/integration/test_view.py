@@ -31,9 +31,7 @@ def test_a_video_is_written_and_its_outcome_told(capsys) -> None:
     assert film == Path("films/lift_ball_v0_test_seed3_expert.mp4")
     pictures = frames(film)
     assert len(pictures) > 50
-    assert all(
-        np.abs(picture - pictures[-1]).mean() < 2 for picture in pictures[-20:]
-    )  # the last one is held
+    assert all(np.abs(picture - pictures[-1]).mean() < 2 for picture in pictures[-20:])  # the last is held
     assert np.abs(pictures[0] - pictures[-1]).mean() > 1
 
 
@@ -41,10 +39,7 @@ def test_a_video_shows_the_perturbation_that_its_name_says() -> None:
     flags = ("--task=lift_ball", "--output=films", "--setting=varied", "--camera=right_shoulder")
     for perturb in ("", "light:3,arm_late:1"):
         assert main(["task", "view", *flags, f"--perturb={perturb}"]) == 0
-    names = (
-        "lift_ball_v0_test_seed0_varied_expert.mp4",
-        "lift_ball_v0_test_seed0_varied_arm_late1_light3_expert.mp4",
-    )
+    names = [f"lift_ball_v0_test_seed0_varied_{perturb}expert.mp4" for perturb in ("", "arm_late1_light3_")]
     nominal, dark = (frames(Path("films") / name)[0].mean((0, 1)) for name in names)
     assert np.abs(nominal - dark).max() > 5
 

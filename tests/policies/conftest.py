@@ -35,17 +35,9 @@ TINY = {
 TINY_PERACT = TINY | {"voxel_size": 10, "num_latents": 16, "latent_dim": 32}
 """Sizes of the smallest PerAct with every part in it."""
 
-TINY_PERACTS = {
-    "dense": TINY_PERACT | {"translation_head": "dense"},
-    "factorised": TINY_PERACT
-    | {
-        "translation_head": "factorised",
-        "voxel_cells": 3,
-        "projection_dilations": (2,),
-        "language_filters": True,
-        "quadratic_features": True,
-    },
-}
+FACTORISED = {"translation_head": "factorised", "voxel_cells": 3, "projection_dilations": (2,)}
+FACTORISED |= {"language_filters": True, "quadratic_features": True}
+TINY_PERACTS = {"dense": TINY_PERACT | {"translation_head": "dense"}, "factorised": TINY_PERACT | FACTORISED}
 
 TINY_RVT = TINY | {"voxel_size": 15, "patch": 5, "attention_dim": 32, "heatmap_sigma_px": 0.5}
 """Sizes of the smallest RVT with every part in it."""

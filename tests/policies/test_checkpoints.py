@@ -98,10 +98,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "a tensor missing": (weights(lambda tensors: tensors.pop(BIAS)), f"lacks tensors.*{BIAS}"),
     "a tensor too many": (weights(lambda tensors: tensors.update(more=torch.ones(1))), "unknown.* more"),
     "a tensor of another shape": (weights(lambda held: held.update({BIAS: torch.ones(9)})), r"is \(9,\)"),
-    "one infinite weight": (
-        weights(lambda held: held[BIAS][:1].fill_(torch.inf)),
-        f"{BIAS} in .* not finite",
-    ),
+    "an infinite weight": (weights(lambda held: held[BIAS][:1].fill_(torch.inf)), f"{BIAS} in .* not finite"),
     "no preprocessor": (remove(PREPROCESSOR), "policy_preprocessor.json: No such file"),
     "a step by class": (step(**{"class": "subprocess.Popen"}), "names the class 'subprocess.Popen'"),
     "an unknown step": (step(registry_name="stranger"), "the step 'stranger' loads something"),
@@ -115,10 +112,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "an output too large": (config(output_features={"action": FAR}), "shape.0: .* less than"),
     "an odd shape": (config(input_features={FRONT: {"type": "VISUAL", "shape": "x"}}), "shape: .* is 'x'"),
     "more beside the steps": (edit(PREPROCESSOR, lambda value: value.update(more=1)), "more: .* permitted"),
-    "float8": (
-        weights(lambda held: held.update({BIAS: held[BIAS].to(FLOAT8)})),
-        f"{BIAS} in .*{FLOAT8}, but",
-    ),
+    "float8": (weights(lambda held: held.update({BIAS: held[BIAS].to(FLOAT8)})), f"{BIAS} in .*{FLOAT8},"),
     "float8 in a state": (
         lambda folder: [
             save_file({"a": torch.full((1,), torch.nan).to(FLOAT8)}, folder / "a.safetensors"),

@@ -1,12 +1,11 @@
-"""Frozen CLIP as language encoder, on a tower that is made here: nothing is downloaded."""
+"""Frozen CLIP as language encoder, on a tower and a tokenizer in miniature: nothing is downloaded."""
 
 import shutil
 from pathlib import Path
 
 import pytest
 import torch
-from tiny_clip import END, START, save_tokenizer, text_config
-from transformers import CLIPTextModel, CLIPTokenizer
+from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
 
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.nn.clip import ClipLanguage
@@ -14,6 +13,30 @@ from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 DIM, CONTEXT, TOKENS = 16, 12, 8
+START, END = "<|startoftext|>", "<|endoftext|>"
+LETTERS = "abcdefghijklmnopqrstuvwxyz"
+SYMBOLS = ["!", *LETTERS, *(f"{letter}</w>" for letter in (*LETTERS, ":")), "th", "the</w>", START, END]
+
+
+def save_tokenizer(folder: Path) -> None:
+    """It knows letters and the word "the"."""
+    merges = [("t", "h"), ("th", "e</w>")]
+    vocabulary = {symbol: index for index, symbol in enumerate(SYMBOLS)}
+    CLIPTokenizer(vocab=vocabulary, merges=merges).save_pretrained(folder)
+
+
+def text_config(dim: int, context: int) -> CLIPTextConfig:
+    """Of a text tower for that tokenizer."""
+    return CLIPTextConfig(
+        vocab_size=len(SYMBOLS),
+        hidden_size=dim,
+        intermediate_size=2 * dim,
+        num_hidden_layers=2,
+        num_attention_heads=2,
+        max_position_embeddings=context,
+        bos_token_id=SYMBOLS.index(START),
+        eos_token_id=SYMBOLS.index(END),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -86,18 +109,14 @@ def test_a_policy_learns_on_frozen_tokens_which_are_neither_trained_nor_saved_an
 
 @pytest.mark.parametrize(("tokens", "dim"), [(TOKENS, 2 * DIM), (CONTEXT + 1, DIM)])
 def test_sizes_that_do_not_fit_the_tower_are_refused(tower, tokens, dim):
-    with pytest.raises(
-        BadConfig, match=f"{CONTEXT} tokens of width {DIM}.*language_tokens={tokens} and language_dim={dim}"
-    ):
+    message = f"{CONTEXT} tokens of width {DIM}.*language_tokens={tokens} and language_dim={dim}"
+    with pytest.raises(BadConfig, match=message):
         encoder(tower, tokens, dim)
 
 
 @pytest.mark.parametrize(
     ("file", "content", "reason"),
-    [
-        ("model.safetensors", b"cut off", "deserializing header"),
-        ("tokenizer.json", b"{", "Expecting property name"),
-    ],
+    [("model.safetensors", b"cut off", "deserializing"), ("tokenizer.json", b"{", "Expecting property name")],
 )
 def test_a_policy_names_a_tower_that_cannot_be_loaded(tower, file, content, reason, tiny, tmp_path):
     damaged = shutil.copytree(tower, tmp_path / "tower")

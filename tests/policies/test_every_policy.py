@@ -33,12 +33,8 @@ def assert_equal_batches(a: dict, b: dict) -> None:
 
 
 def test_every_registered_keypose_policy_is_walked_by_these_tests(specimens):
-    registered = {
-        name
-        for name, config in PreTrainedConfig.get_known_choices().items()
-        if issubclass(config, KeyposePolicyConfig)
-    }
-    assert specimens.keys() == registered
+    known = PreTrainedConfig.get_known_choices().items()
+    assert specimens.keys() == {name for name, config in known if issubclass(config, KeyposePolicyConfig)}
 
 
 def test_the_package_offers_the_config_the_policy_and_the_processors_of_every_type(policy_type):
@@ -163,19 +159,15 @@ def test_processors_leave_observations_alone_and_survive_saving(policy_type, mak
     pre.save_pretrained(tmp_path)
     post.save_pretrained(tmp_path)
     batch, keypose = make_batch(), torch.rand(2, 18)
-    for preprocess, postprocess in (
-        (pre, post),
-        make_pre_post_processors(config, pretrained_path=str(tmp_path)),
-    ):
+    again = make_pre_post_processors(config, pretrained_path=str(tmp_path))
+    for preprocess, postprocess in ((pre, post), again):
         processed = preprocess(dict(batch))
         assert_equal_batches({key: processed[key] for key in batch}, batch)
         assert torch.equal(postprocess(keypose), keypose)
 
 
 @pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2), (None, 25)])
-def test_the_horizon_is_that_of_the_dataset_or_of_the_papers_code_and_kept(
-    make_policy, tmp_path, largest, horizon
-):
+def test_the_horizon_is_of_the_dataset_or_the_papers_code_and_kept(make_policy, tmp_path, largest, horizon):
     stats = None if largest is None else {KEYPOSE_STEP: {"max": np.array([largest])}}
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
@@ -228,10 +220,8 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
         if loss < 0.01:
             break
     assert loss < 0.01
-    predicted, truth = (
-        policy.codec.encode(policy.select_action(batch)),
-        policy.codec.encode(batch[ACTION]),
-    )
+    predicted = policy.codec.encode(policy.select_action(batch))
+    truth = policy.codec.encode(batch[ACTION])
     assert (predicted.voxel - truth.voxel).abs().max() <= 1
     turn = (predicted.rotation - truth.rotation).abs() % 72
     assert torch.minimum(turn, 72 - turn).max() <= 1
@@ -259,9 +249,7 @@ def test_a_compiled_network_has_the_plain_losses_and_is_compiled_once(specimens,
         once = len(graphs)
         expected, loss = plain(batch)[0], compiled(batch)[0]
         torch.testing.assert_close(loss, expected)
-        gradients = [
-            torch.autograd.grad(value, policy.network.positions)[0]
-            for value, policy in ((expected, plain), (loss, compiled))
-        ]
+        pairs = ((expected, plain), (loss, compiled))
+        gradients = [torch.autograd.grad(value, policy.network.positions)[0] for value, policy in pairs]
         torch.testing.assert_close(*gradients, atol=1e-4, rtol=1e-3)
     assert once == len(graphs) > 0

@@ -35,10 +35,8 @@ def record(root: Path, batch: dict, cameras: tuple[str, ...]) -> Path:
         return {key: batch[key][row].numpy() for key in schema.VECTORS}
 
     def images(row: int) -> dict[str, np.ndarray]:
-        rgb = {
-            key: (255 * batch[key][row]).byte().permute(1, 2, 0).numpy()
-            for key in map(schema.image_key, cameras)
-        }
+        keys = map(schema.image_key, cameras)
+        rgb = {key: (255 * batch[key][row]).byte().permute(1, 2, 0).numpy() for key in keys}
         return rgb | {key: batch[key][row].numpy() for key in map(schema.depth_key, cameras)}
 
     episode = Demonstration(
@@ -146,9 +144,7 @@ def test_a_row_that_is_not_there_is_refused_with_the_rows_that_are(peract_checkp
         assert f"has {ROWS} rows" in message
 
 
-def test_a_dataset_without_depth_or_label_is_refused_by_name(
-    peract_checkpoint, dataset, make_batch, tmp_path, capsys
-):
+def test_missing_depth_or_label_is_refused_by_name(peract_checkpoint, dataset, make_batch, tmp_path, capsys):
     few = record(tmp_path / "few", make_batch(ROWS), ("front",))
     assert schema.depth_key("left_wrist") in refusal(capsys, peract_checkpoint, few)
     copy = shutil.copytree(dataset, tmp_path / "copy")

@@ -8,10 +8,7 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.keypose.losses import keypose_losses
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d, pad_replicate
-from lerobot_policy_bimanual.peract.factorised_head import (
-    FactorisedTranslation,
-    FactorisedTranslationHead,
-)
+from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslation, FactorisedTranslationHead
 from lerobot_policy_bimanual.peract.network import PerActNetwork
 from lerobot_policy_bimanual.peract.pooling import pool
 from lerobot_policy_bimanual.peract.stem_features import StemFeatures
@@ -50,9 +47,8 @@ def labels(voxel: torch.Tensor) -> KeyposeBins:
 
 
 def pose_logits(prediction) -> torch.Tensor:
-    return torch.cat(
-        [prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions], dim=-1
-    )
+    parts = (prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions)
+    return torch.cat(parts, dim=-1)
 
 
 @pytest.mark.parametrize(
@@ -93,12 +89,8 @@ def test_upsampled_convolution_equals_interpolation_then_convolution(size):
     actual = layer(x, layer.kernel())
     torch.testing.assert_close(actual, expected)
     probe = torch.randn_like(actual)
-    for got, want in zip(
-        torch.autograd.grad(actual, weights, probe),
-        torch.autograd.grad(expected, weights, probe),
-        strict=True,
-    ):
-        torch.testing.assert_close(got, want)
+    gradients = (torch.autograd.grad(each, weights, probe) for each in (actual, expected))
+    torch.testing.assert_close(*gradients)
 
 
 @pytest.mark.parametrize(("before", "after"), [(2, 2), (2, 0), (0, 1), (2, -1)])
@@ -139,11 +131,8 @@ def read_stem(head: FactorisedTranslationHead, stem: torch.Tensor) -> StemFeatur
 
 def test_a_voxels_score_depends_on_what_lies_in_line_with_it_however_far():
     head = FactorisedTranslationHead(head_config(), arms=1)
-    stem, patches, answers = (
-        torch.rand(1, 4, 20, 20, 20),
-        torch.rand(1, 4, 4, 4, 4),
-        torch.rand(1, 1, 8, 4, 4, 4),
-    )
+    stem, patches = torch.rand(1, 4, 20, 20, 20), torch.rand(1, 4, 4, 4, 4)
+    answers = torch.rand(1, 1, 8, 4, 4, 4)
     target = torch.tensor([[[2, 2, 2]]])
     before = head(read_stem(head, stem), patches, answers, target)[0].target_voxel_logits
     stem[0, :, 2, 1, 17] = 10  # three patches above

@@ -161,9 +161,8 @@ def test_another_task_and_another_size_are_warned_of_once(make_policy, make_batc
 
 def test_a_batch_of_rows_is_completed_with_the_calibration_of_all_rows(make_policy, make_batch):
     batch, config = make_batch(), make_policy().config
-    calibration = Calibration.of_observation(
-        {key: batch[key][0].numpy() for key in (CAMERA_EXTRINSICS, CAMERA_INTRINSICS)}
-    )
+    first = {key: batch[key][0].numpy() for key in (CAMERA_EXTRINSICS, CAMERA_INTRINSICS)}
+    calibration = Calibration.of_observation(first)
     torch.manual_seed(0)
     meta = Meta(["lift"], 16, 16, calibration=calibration)
     policy = get_policy_class(config.type)(config, dataset_meta=meta).eval()

@@ -17,51 +17,40 @@ from lerobot_policy_bimanual.training.train import remove_older
 WITHOUT_LEROBOT = """
 import sys
 from lerobot_bimanual import cli
-code = cli.main(sys.argv[1:])
-loaded = {"torch", "lerobot", "PIL", "rich.console"} & set(sys.modules)
-print("code", code, "loaded", sorted(loaded))
+codes = [cli.main(words.split()) for words in sys.argv[1:]]
+print("codes", codes, "loaded", sorted({"torch", "lerobot", "PIL", "rich.console"} & set(sys.modules)))
 """
+WRONG_PATHS = {
+    "policy inspect --checkpoint=nowhere --root=none": "no checkpoint at nowhere",
+    "policy accuracy --checkpoint=nowhere --root=none": "no checkpoint at nowhere",
+    "policy inspect --checkpoint=there --root=none": "no dataset at none",
+    "policy accuracy --checkpoint=there --root=none": "no dataset at none",
+    "policy check --checkpoint=nowhere": "no checkpoint at nowhere",
+}
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("policy", "inspect", "--checkpoint=nowhere", "--root=none"), "no checkpoint at nowhere"),
-        (("policy", "accuracy", "--checkpoint=nowhere", "--root=none"), "no checkpoint at nowhere"),
-        (("policy", "inspect", "--checkpoint=there", "--root=none"), "no dataset at none"),
-        (("policy", "accuracy", "--checkpoint=there", "--root=none"), "no dataset at none"),
-        (("policy", "check", "--checkpoint=nowhere"), "no checkpoint at nowhere"),
-    ],
-)
-def test_a_wrong_path_is_named_before_lerobot_and_torch_are_loaded(tmp_path, words, message):
+def test_a_wrong_path_is_named_before_lerobot_and_torch_are_loaded(tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "config.json").write_text("{}")
-    child = subprocess.run(
-        [sys.executable, "-c", WITHOUT_LEROBOT, *words],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "code 1 loaded []" in child.stdout, child.stdout + child.stderr
-    assert message in child.stderr
+    command = [sys.executable, "-c", WITHOUT_LEROBOT, *WRONG_PATHS]
+    child = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert child.stdout == "codes [1, 1, 1, 1, 1] loaded []\n", child.stderr
+    for told, message in zip(child.stderr.splitlines(), WRONG_PATHS.values(), strict=True):
+        assert message in told
 
 
-@pytest.mark.parametrize(
-    "below", ["pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model"]
-)
+@pytest.mark.parametrize("below", ["", "last", "checkpoints/last"])
 def test_the_folder_above_a_checkpoint_is_answered_with_the_right_one(tmp_path, capsys, below):
-    (tmp_path / below).mkdir(parents=True)
-    (tmp_path / below / "config.json").write_text("{}")
+    folder = tmp_path / below / "pretrained_model"
+    folder.mkdir(parents=True)
+    (folder / "config.json").write_text("{}")
     assert cli.main(["policy", "check", f"--checkpoint={tmp_path}"]) == 1
-    assert f"Do you mean {tmp_path / below}?" in capsys.readouterr().err
+    assert f"Do you mean {folder}?" in capsys.readouterr().err
 
 
 def touch_dataset(folder, **info) -> None:
     (folder / "meta").mkdir(parents=True)
-    (folder / "meta" / "info.json").write_text(
-        json.dumps({"total_episodes": 4, "fps": 1, "features": {}} | info)
-    )
+    (folder / "meta/info.json").write_text(json.dumps({"total_episodes": 4, "fps": 1, "features": {}} | info))
 
 
 def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):

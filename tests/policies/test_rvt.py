@@ -53,9 +53,7 @@ def written_out(p, views, proprio, language):
         return F.group_norm(x, 4, p[f"{name}.norm.weight"], p[f"{name}.norm.bias"])
 
     body = leaky(norm("proprio", linear("proprio.linear", proprio)))
-    words = torch.stack(
-        [leaky(norm("language", linear("language.linear", word))) for word in language.unbind(1)], dim=1
-    )
+    words = [leaky(norm("language", linear("language.linear", word))) for word in language.unbind(1)]
     stems, images = [], []
     for number, view in enumerate(views.unbind(1)):
         stem = leaky(conv(view, p["stem.weight"], p["stem.bias"]))
@@ -68,7 +66,7 @@ def written_out(p, views, proprio, language):
             tokens = block(p, f"within_views.{layer}", tokens, HEADS)
         stems.append(stem)
         images.append(tokens)
-    tokens = torch.cat([linear("widen", words), *images], dim=1)
+    tokens = torch.cat([linear("widen", torch.stack(words, dim=1)), *images], dim=1)
     for layer in range(2):
         tokens = block(p, f"over_views.{layer}", tokens, HEADS)
     logits, features = [], []
@@ -86,9 +84,8 @@ def written_out(p, views, proprio, language):
 
 
 def pose_logits(prediction):
-    return torch.cat(
-        [prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions], dim=-1
-    )
+    parts = (prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions)
+    return torch.cat(parts, dim=-1)
 
 
 def heatmaps(samples: int = 2, arms: int = 2, size: int = 12) -> HeatmapTranslation:

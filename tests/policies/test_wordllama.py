@@ -74,7 +74,5 @@ def test_vectors_are_neither_trained_nor_saved_and_the_checkpoint_is_safe_and_co
 
 def test_a_missing_package_is_named_with_what_to_install(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(
-        BadConfig, match=r"pip install 'lerobot_policy_bimanual\[words\]'.*No module named 'wordllama'"
-    ):
+    with pytest.raises(BadConfig, match=r"'lerobot_policy_bimanual\[words\]'.*No module named 'wordllama'"):
         WordllamaLanguage(tokens=3, dim=4)

@@ -10,7 +10,7 @@ from typing import Self
 import pandas as pd
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, plain, shown
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.episode import LoadMetrics, success_rate
 from lerobot_bimanual.results.expert_report import (
@@ -60,8 +60,9 @@ class ExpertReports:
         """Read the reports of a folder that has the name of their setting.
 
         Raises:
-            BimanualError: the folder has no report of the experts, or a file that is not such a report, not of the player or
-                setting of its name, or of another world, split or first seed than that of the experts.
+            BimanualError: the folder has no report of the experts, or one without a solved episode of a variation; or a file that
+                is not such a report, not of the player or setting of its name, or of another world, split or first seed than
+                that of the experts.
         """
         paths = {name: folder / f"{name}.json" for name in REPORTS}
         if not paths[EXACT].is_file():
@@ -83,8 +84,13 @@ class ExpertReports:
             for field, expected in shared.items():
                 if (got := getattr(report, field)) != expected:
                     raise BimanualError(
-                        f"{paths[name]}: {field} is {got!r}, but must be {expected!r} beside {EXACT}.json"
+                        f"{paths[name]}: {field} is {shown(got)}, but must be {shown(expected)} beside {EXACT}.json"
                     )
+        for (task, variation), episodes in experts.by_variation.items():
+            if experts.load(task) is None or not any(episode.success for episode in episodes):
+                raise BimanualError(
+                    f"{paths[EXACT]}: no episode of {plain(task)}, variation {variation}, was solved and measured"
+                )
         return cls(reports)
 
     @property
@@ -179,7 +185,7 @@ def load_table(reports: ExpertReports) -> pd.DataFrame:
         exact, rounded = (
             reports.reports[name].load(task) if name in reports.reports else None for name in (EXACT, ROUNDED)
         )
-        assert exact is not None  # loads of all experts are measured
+        assert exact is not None  # see ExpertReports.read
         force = NOT_MEASURED if rounded is None else f"{rounded.contact_force_n:.0f} N"
         rows.append(_load_row(f"`{task}`", exact, force))
         if own := get_task(task).spec.load_bounds:

@@ -105,10 +105,7 @@ def law(left: JointPath, right: JointPath = STILL, pace: time_law.Pace = time_la
 def rates(joints: np.ndarray) -> list[np.ndarray]:
     """Velocity, acceleration, and its step from tick to tick, of a motion from rest to rest."""
     at_rest = np.concatenate([np.repeat(joints[:1], 2, axis=0), joints, np.repeat(joints[-1:], 2, axis=0)])
-    return [
-        np.abs(np.diff(at_rest, n=order, axis=0)).max(axis=0) * CONTROL_HZ ** min(order, 2)
-        for order in (1, 2, 3)
-    ]
+    return [np.abs(np.diff(at_rest, n=n, axis=0)).max(axis=0) * CONTROL_HZ ** min(n, 2) for n in (1, 2, 3)]
 
 
 def random_path(rng: np.random.Generator) -> JointPath:

@@ -7,14 +7,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion import lines
 from lerobot_env_bimanual.motion.feasibility import goal_postures
-from lerobot_env_bimanual.motion.lines import (
-    MAX_JOINT_STEP_RAD,
-    STEP_M,
-    STEP_RAD,
-    LineRequest,
-    line_poses,
-    straight_lines,
-)
+from lerobot_env_bimanual.motion.lines import LineRequest, line_poses, straight_lines
 from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
@@ -108,9 +101,9 @@ def test_a_line_leads_from_the_commanded_joints_to_the_target_in_small_steps_wit
         poses = line_poses(kinematics.fk(start), target)
         assert len(path) == len(poses) + 1
         steps = np.diff(np.concatenate([kinematics.fk(start)[None], poses]), axis=0)
-        assert np.linalg.norm(steps[:, :3, 3], axis=1).max() < STEP_M + 1e-9
-        assert np.abs(steps[:, :3, :3]).max() < STEP_RAD + 1e-9
-        assert np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
+        assert np.linalg.norm(steps[:, :3, 3], axis=1).max() < lines.STEP_M + 1e-9
+        assert np.abs(steps[:, :3, :3]).max() < lines.STEP_RAD + 1e-9
+        assert np.abs(np.diff(path, axis=0)).max() < lines.MAX_JOINT_STEP_RAD
         assert kinematics.within_limits(path[1:]).all()
 
 
@@ -134,7 +127,7 @@ def test_the_search_over_all_solutions_stays_on_the_line_too(kinematics, monkeyp
     assert len(paths) >= 5
     for target, path in paths:
         assert kinematics.reaches(path[-1], target)
-        assert np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
+        assert np.abs(np.diff(path, axis=0)).max() < lines.MAX_JOINT_STEP_RAD
 
 
 def test_two_lines_at_once_are_those_of_each_alone_whatever_one_of_them_reaches():

@@ -40,9 +40,7 @@ def _errors_m(scene: Scene, keypose: BimanualKeypose) -> list[float]:
 
 def test_an_executed_straight_motion_stays_on_its_line(scene):
     _execute(scene, _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN)))
-    keypose = _keypose(
-        LEFT_DOWN.translated((0, 0, -0.2)), RIGHT_DOWN.translated((0, 0.1, -0.1)), (True, True)
-    )
+    keypose = _keypose(LEFT_DOWN.translated((0, 0, -0.2)), RIGHT_DOWN.translated((0, 0.1, -0.1)), [True] * 2)
     plan = _plan(scene, keypose)
     assert plan.line_fallbacks == 0
     for action in plan.actions:
