@@ -21,6 +21,19 @@ def test_links_lead_to_files(document: Path) -> None:
         assert is_githubs or (document.parent / link).exists(), link
 
 
+def test_the_readme_is_at_most_six_kilobytes_and_the_pages_are_short() -> None:
+    assert len((ROOT / "README.md").read_bytes()) <= 6 * 1024
+    words = {page: _words(page) for page in (ROOT / "README.md", *ROOT.glob("docs/*.md"))}
+    assert {page.name: count for page, count in words.items() if count > 2500} == {}
+    assert sum(words.values()) <= 20_000
+
+
+def _words(page: Path) -> int:
+    """Words of a page; in one that a command writes whole, rows of tables are figures to look up, and not counted."""
+    text = page.read_text(encoding="utf-8")
+    return len((re.sub(r"(?m)^\|.*", "", text) if "; do not edit." in text else text).split())
+
+
 def test_every_page_is_in_the_navigation_of_the_site() -> None:
     navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
     assert {path.name for path in ROOT.glob("docs/*.md")} <= {*re.findall(r"[\w/]+\.md", navigation)}
