@@ -70,3 +70,10 @@ def require_multiple(config: Any, name: str, divisor: int, why: str) -> None:
     value = getattr(config, name)
     if value < divisor or value % divisor:
         raise BadConfig(f"{name}={value} must be a multiple of {divisor}: {why}")
+
+
+def require_dilations(config: Any, name: str) -> None:
+    """Refuse a field that is not a short list of dilations, as `BadConfig`."""
+    values = getattr(config, name)
+    if len(values) > 16 or not all(isinstance(each, int) and 1 <= each <= 512 for each in values):
+        raise BadConfig(f"{name} is {values!r}, but must be a list of up to 16 whole numbers from 1 to 512")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.fields import choice, number, require_multiple
+from lerobot_policy_bimanual.keypose.fields import choice, number, require_dilations, require_multiple
 
 PATCH = 5
 """Voxels per patch along each axis (PerAct2 code)."""
@@ -42,11 +42,7 @@ class PerActConfig(KeyposePolicyConfig):
     def __post_init__(self):
         """Refuse sizes that do not fit together, too."""
         super().__post_init__()
-        dilations = self.projection_dilations
-        if len(dilations) > 16 or not all(isinstance(each, int) and 1 <= each <= 512 for each in dilations):
-            raise BadConfig(
-                f"projection_dilations is {dilations!r}, but must be a list of up to 16 whole numbers from 1 to 512"
-            )
+        require_dilations(self, "projection_dilations")
         if self.voxel_cells == 1:
             raise BadConfig("voxel_cells=1 must be 0, or at least 2")
         for name in ("voxel_cells", "projection_dilations", "language_filters"):

@@ -6,7 +6,7 @@ from lerobot.configs import PreTrainedConfig
 
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.fields import choice, number, require_multiple
+from lerobot_policy_bimanual.keypose.fields import choice, number, require_dilations, require_multiple
 
 
 @PreTrainedConfig.register_subclass("rvt_lf")
@@ -31,6 +31,14 @@ class RVTLFConfig(KeyposePolicyConfig):
     # Attention blocks; the first half within each view, the second half over all of them.
     depth: int = number(8, 2, 64)
     heatmap_sigma_px: float = number(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
+    # A voxel's score is the `mean` of the heatmaps where it is seen, as in RVT, or their `product`: a view that cannot tell
+    # leaves it to the others.
+    heatmap_fusion: str = choice("mean", "product")
+    # Dilations of further convolutions over each view, which see as many pixels further to every side (departure from the
+    # paper).
+    heatmap_dilations: tuple[int, ...] = ()
+    # Append the squares of positions and colours to the views; see `PerActConfig` (departure from the paper).
+    quadratic_features: bool = False
     leader: str = choice("right", "left")  # the arm that decides first, `left` or `right` (the paper's)
     # The follower sees the leader's goal, as one more channel of its views; in the paper it has its numbers only.
     follower_sees_goal: bool = False
@@ -40,6 +48,7 @@ class RVTLFConfig(KeyposePolicyConfig):
         super().__post_init__()
         if self.patch % 2 == 0:
             raise BadConfig(f"patch={self.patch} must be odd: kernels of this width need a centre")
+        require_dilations(self, "heatmap_dilations")
         require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
         require_multiple(self, "token_dim", 8, "each half is normalised in four groups")
         require_multiple(self, "attention_dim", self.heads, "the heads share the width evenly")

@@ -20,61 +20,70 @@ class HeatmapTranslation:
     """One softmax over the pixels of each view.
 
     A voxel's probability is taken to be proportional to the mean of the five heatmaps at the pixels in which it
-    is seen.
+    is seen, or to their product.
 
     Attributes:
         logits: (b, arms, views, v, v) float32; the pixels are those of `VIEWS`, one per row of voxels.
         sigma_px: standard deviation of the training target.
+        fusion: "mean" or "product" of the heatmaps; with a product the losses of the views add up.
     """
 
     logits: Tensor
     sigma_px: float
+    fusion: str = "mean"
 
     def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
-        """Cross-entropy (b, arms) in nats of a small Gaussian around the target voxels (b, arms, 3).
+        """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
 
-        Averaged over the views. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and then
-        normalised. Its own entropy is subtracted, so that a perfect heatmap has the loss 0.
+        The mean over the views, or their sum. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and
+        then normalised. Its own entropy is subtracted, so that a perfect heatmap has the loss 0.
         """
         V = self.logits.shape[-1]
-        reach = int(CUT_SIGMAS * self.sigma_px)
+        reach = int(CUT_SIGMAS * self.sigma_px + 0.5)
         step = torch.arange(-reach, reach + 1, device=voxel.device)
         row_step, column_step = torch.cartesian_prod(step, step).unbind(1)
-        squared = (row_step**2 + column_step**2).to(self.logits)
-        bump = torch.exp(-squared / (2 * self.sigma_px**2)) * (squared <= (CUT_SIGMAS * self.sigma_px) ** 2)
-
         rows, columns = (
-            centre[..., None] + shift  # (b, arms, views, window)
-            for centre, shift in zip(pixels_of_voxels(voxel, V), (row_step, column_step), strict=True)
+            pixel[..., None] + shift  # (b, arms, views, window)
+            for pixel, shift in zip(pixels_of_voxels(voxel, V), (row_step, column_step), strict=True)
         )
+        row, column = pixels_of_voxels(voxel if offset is None else voxel + offset, V)
+        squared = (rows - row[..., None]) ** 2 + (columns - column[..., None]) ** 2
         seen = (rows >= 0) & (rows < V) & (columns >= 0) & (columns < V)
-        weight = bump * seen
+        seen &= squared <= (CUT_SIGMAS * self.sigma_px) ** 2
+        weight = torch.exp(-squared.to(self.logits) / (2 * self.sigma_px**2)) * seen
         weight = weight / weight.sum(dim=-1, keepdim=True)
         flat = self.logits.flatten(3)
         hit = flat.gather(3, rows.clamp(0, V - 1) * V + columns.clamp(0, V - 1))
         wanted = weight.xlogy(weight).sum(dim=3)
-        return (flat.logsumexp(dim=3) - (weight * hit).sum(dim=3) + wanted).mean(dim=2)
+        of_views = flat.logsumexp(dim=3) - (weight * hit).sum(dim=3) + wanted
+        return of_views.sum(dim=2) if self.fusion == "product" else of_views.mean(dim=2)
 
     def candidates(self) -> VoxelCandidates:
         """The most probable of all voxels and its 26 neighbours."""
-        B, A, K, V, _ = self.logits.shape
-        images = self.logits.flatten(3).softmax(dim=3).view_as(self.logits) / K
-        planes = sum_over_views(images.flatten(0, 1))
+        B, A, _, V, _ = self.logits.shape
+        planes = [plane.flatten(0, 1) for plane in self._planes()]
         best = best_voxel(*planes)  # (b arms, 3)
         voxel, inside = neighbours(best, V)  # (b arms, 27, 3)
         x, y, z = voxel.clamp(0, V - 1).unbind(2)
         sample = torch.arange(len(best), device=best.device)[:, None]
         xy, xz, yz = planes
-        score = (xy[sample, x, y] + (xz[sample, x, z] + yz[sample, y, z])).log()
-        score = score.masked_fill(~inside, -torch.inf)
+        score = xy[sample, x, y] + (xz[sample, x, z] + yz[sample, y, z])
+        score = (score if self.fusion == "product" else score.log()).masked_fill(~inside, -torch.inf)
         return VoxelCandidates(voxel.unflatten(0, (B, A)), score.unflatten(0, (B, A)))
 
     def probabilities(self) -> Tensor:
         """Probabilities (b, arms, v, v, v) of all voxels."""
-        images = self.logits.flatten(3).softmax(dim=3).view_as(self.logits)
-        xy, xz, yz = sum_over_views(images)
+        xy, xz, yz = self._planes()
         mass = xy[..., :, :, None] + xz[..., :, None, :] + yz[..., None, :, :]
+        if self.fusion == "product":
+            return mass.flatten(2).softmax(dim=2).view_as(mass)
         return mass / mass.sum(dim=(2, 3, 4), keepdim=True)
+
+    def _planes(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Planes xy, xz, yz (b, arms, v, v) whose sum is a voxel's mean probability over the views, or the log of their product."""
+        flat, views = self.logits.flatten(3), self.logits.shape[2]
+        images = flat.log_softmax(dim=3) if self.fusion == "product" else flat.softmax(dim=3) / views
+        return sum_over_views(images.view_as(self.logits))
 
 
 def best_voxel(xy: Tensor, xz: Tensor, yz: Tensor) -> Tensor:

@@ -3,16 +3,17 @@
 from functools import partial
 
 import torch
+import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
-from lerobot_policy_bimanual.nn.layers import Block, LanguageFilters, activate, init_linear
+from lerobot_policy_bimanual.nn.layers import LEAK, Block, LanguageFilters, activate, init_linear
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.rvt_lf import layers
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation
-from lerobot_policy_bimanual.rvt_lf.point_renderer import VIEW_CHANNELS
+from lerobot_policy_bimanual.rvt_lf.point_renderer import QUADRATIC, VIEW_CHANNELS
 from lerobot_policy_bimanual.rvt_lf.views import VIEWS
 
 
@@ -32,9 +33,12 @@ class RVTNetwork(nn.Module):
     def __init__(self, config: RVTLFConfig, *, proprio_dim: int, goal_channels: int = 0):
         super().__init__()
         channels, token_dim, patch = config.channels, config.token_dim, config.patch
-        self.heatmap_sigma_px = config.heatmap_sigma_px
+        self.make_translation = partial(
+            HeatmapTranslation, sigma_px=config.heatmap_sigma_px, fusion=config.heatmap_fusion
+        )
         self.patches = config.voxel_size // patch
-        inputs = VIEW_CHANNELS + goal_channels
+        self.quadratic_features = config.quadratic_features
+        inputs = VIEW_CHANNELS + goal_channels + (QUADRATIC.stop - QUADRATIC.start) * self.quadratic_features
         self.stem = layers.Conv2d(inputs, channels, 1, activated=True)
         self.language_filters = (
             LanguageFilters(config.language_dim, inputs, channels) if config.language_filters else None
@@ -49,6 +53,10 @@ class RVTNetwork(nn.Module):
         self.coarse = layers.Conv2d(token_dim, channels, patch, activated=True)
         self.upsample = layers.UpsampledConv2d(channels, channels, patch)
         self.join = layers.SkipConv2d(channels)
+        self.reach = nn.ModuleList(
+            layers.Conv2d(channels, channels, 3, activated=False, dilation=dilation)
+            for dilation in config.heatmap_dilations
+        )
         self.heatmap = layers.Conv2d(channels, 1, 3, activated=False)
         features = token_dim + channels
         last = nn.Linear(features // 2, 3 * config.codec.rotation_bins + 2 + 2)
@@ -78,6 +86,8 @@ class RVTNetwork(nn.Module):
         stem = self.read(views, language)  # (b 5, channels, size, size)
         answers = self._attend(self.patchify(stem), proprio, language)  # (b 5, token_dim, p, p)
         fine = self.join(activate(self.upsample(self.coarse(answers))), stem)
+        for layer in self.reach:
+            fine = fine + layer(F.leaky_relu(fine, LEAK))
         logits = at_least_float32(self.heatmap(fine))  # (b 5, 1, size, size)
 
         # The position of the pose features is trained by the translation loss alone, hence no gradient here.
@@ -85,11 +95,13 @@ class RVTNetwork(nn.Module):
         at_peak = (fine.flatten(2) @ attention[..., None])[..., 0]  # (b 5, channels)
         features = torch.cat([answers.amax((2, 3)), at_peak], dim=1).unflatten(0, (-1, len(VIEWS)))
         heatmaps = logits.unflatten(0, (-1, len(VIEWS))).transpose(1, 2)  # (b, 1, 5, size, size)
-        translation = HeatmapTranslation(heatmaps, self.heatmap_sigma_px)
+        translation = self.make_translation(heatmaps)
         return KeyposePrediction.of_logits(translation, self.pose_head(features.flatten(1))[:, None])
 
     def read(self, views: Tensor, language: Tensor) -> Tensor:
         """Stem features (b 5, channels, size, size) of views (b, 5, 10, size, size), with language-conditioned filters."""
+        if self.quadratic_features:
+            views = torch.cat([views, views[:, :, QUADRATIC].square()], dim=2)
         if self.language_filters is None:
             return self.stem(views.flatten(0, 1))
         filters = self.language_filters(language)  # (b, channels, inputs + 1)

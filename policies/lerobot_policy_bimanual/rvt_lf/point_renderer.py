@@ -10,6 +10,9 @@ from lerobot_policy_bimanual.rvt_lf.views import MINUS_X, VIEWS
 VIEW_CHANNELS = 10
 """xyz in [-1, 1], RGB in [0, 1], depth less its mean, and view, row and column in [-1, 1] (RVT code)."""
 
+QUADRATIC = slice(0, 6)
+"""Channels whose squares may be channels, too: position and colour."""
+
 NO_DEPTH = -1.0
 """Depth channel of pixels without a point; the six channels before it are 0 there."""
 
