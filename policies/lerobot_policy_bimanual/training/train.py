@@ -14,7 +14,7 @@ import logging
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,16 +79,18 @@ class AcceleratorWithMemory:
 
     def __init__(self, cfg: TrainPipelineConfig, make: Callable[[], Accelerator], keep_last: int | None):
         self._cfg, self._make, self._keep_last = cfg, make, keep_last
+        self._made: Accelerator | None = None
         self._is_prepared = False  # a checkpoint that is resumed has been read then
 
-    @cached_property
     def _accelerator(self) -> Accelerator:
-        check_training(self._cfg)
-        return self._make()
+        if self._made is None:
+            check_training(self._cfg)
+            self._made = self._make()
+        return self._made
 
     def __getattr__(self, name: str) -> Any:
         """Get an attribute of the accelerator."""
-        return getattr(self._accelerator, name)
+        return getattr(self._accelerator(), name)
 
     def prepare(self, *parts: Any) -> tuple[Any, ...]:
         """Prepare what a training consists of: the policy, its optimizer and scheduler, and loaders.
@@ -97,7 +99,7 @@ class AcceleratorWithMemory:
             DatasetError: the rows of a loader do not fit into memory.
         """
         numbers = [self._of_numbers(part) if isinstance(part, DataLoader) else part for part in parts]
-        prepared = self._accelerator.prepare(*numbers)
+        prepared = self._accelerator().prepare(*numbers)
         self._is_prepared = True
         return tuple(
             LoaderFromMemory(new, _starts_within_an_epoch(part)) if isinstance(part, DataLoader) else new
@@ -106,8 +108,8 @@ class AcceleratorWithMemory:
 
     def wait_for_everyone(self) -> None:
         """Wait for all processes, as after a checkpoint, which others may then read as far as the umask lets them."""
-        self._accelerator.wait_for_everyone()
-        if self._accelerator.is_main_process and self._cfg.output_dir is not None:
+        self._accelerator().wait_for_everyone()
+        if self._accelerator().is_main_process and self._cfg.output_dir is not None:
             share_files(Path(self._cfg.output_dir), "*.safetensors")  # written for their owner alone
             if self._keep_last and self._is_prepared:
                 remove_older(Path(self._cfg.output_dir, "checkpoints"), self._keep_last)
@@ -116,7 +118,7 @@ class AcceleratorWithMemory:
         """A loader of the numbers of the same rows, whose dataset is in memory."""
         rows, dataset = loader.dataset, _whole(loader.dataset)
         images = images_read(self._cfg, dataset.meta)
-        held = ResidentDataset(dataset, self._accelerator.device, images, self._cfg.dataset.video_backend)
+        held = ResidentDataset(dataset, self._accelerator().device, images, self._cfg.dataset.video_backend)
         return DataLoader(
             Subset(held, rows.indices) if isinstance(rows, Subset) else held,
             loader.batch_size,
