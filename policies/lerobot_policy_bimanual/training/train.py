@@ -29,6 +29,7 @@ from lerobot.scripts import lerobot_train
 from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
+from lerobot_bimanual.checkpoint_folder import how_to_resume
 from lerobot_bimanual.cli.lerobot_program import TRUST_FLAG
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import check_output_folder, share_files
@@ -157,9 +158,17 @@ def train(cfg: TrainPipelineConfig, keep_last: int | None = None) -> None:
     Raises:
         DatasetError: as in `check_training`, or the dataset does not fit into memory.
         BadConfig: the training is to run elsewhere.
+        KeyboardInterrupt: it was interrupted; the text says how it goes on.
     """
     if cfg.job.is_remote:
         raise BadConfig("--job.target names another machine: submit the training with `lerobot-train`")
+    try:
+        _train(cfg, keep_last)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(how_to_resume(Path(cfg.output_dir or ""))) from None
+
+
+def _train(cfg: TrainPipelineConfig, keep_last: int | None) -> None:
     if "accelerator" in inspect.signature(lerobot_train.train).parameters:
         accelerator: Any = AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg), keep_last)
         lerobot_train.train(cfg, accelerator)
