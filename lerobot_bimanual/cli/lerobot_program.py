@@ -12,6 +12,7 @@ from typing import Any, TextIO
 
 from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
 from lerobot_bimanual.cli.command_line import TRACEBACK_VARIABLE, answered
+from lerobot_bimanual.cli.flags import BadCommandLine
 from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG, check_flags
 from lerobot_bimanual.errors import BimanualError
 
@@ -65,6 +66,8 @@ def run_program(
     def main() -> int:
         words = sys.argv[1:]
         values = check_flags(words, config)
+        if "trust_checkpoint" in values and TRUST_FLAG not in words:
+            raise BadCommandLine(f"to load a checkpoint unchecked give {TRUST_FLAG}, or leave the flag out")
         keep, pairs = f"--{KEEP_FLAG}", zip(words, ["", *words], strict=False)
         sys.argv[1:] = [
             word for word, last in pairs if last != keep and not word.startswith((TRUST_FLAG, keep))
@@ -79,7 +82,7 @@ def run_program(
             require_checkpoint_if_local(path)
             if not Path(path).is_dir() and TRUST_FLAG not in words:
                 raise BimanualError(
-                    f"{path} is on the Hub, where nothing can check it: `hf download {path} --local-dir=FOLDER` and give "
+                    f"{path} is no folder, and on the Hub nothing can check it: `hf download {path} --local-dir=FOLDER` and give "
                     f"the folder, or {TRUST_FLAG} where you trust its source"
                 )
         check(values)
