@@ -55,11 +55,9 @@ class PerceiverIO(nn.Module):
         """Read `tokens` (b, t, token_dim), answer `queries` (b, q, token_dim): (b, streams, q, token_dim)."""
         latents = self.latents.expand(len(tokens), -1, -1)
         latents = latents + self.read(latents, tokens)
-        parts = []
-        for part, feed_forward, stream in zip(
-            latents.chunk(len(self.streams), dim=1), self.read_feed_forward, self.streams, strict=True
-        ):
-            parts.append(stream(part + feed_forward(part)))
+        split = latents.chunk(len(self.streams), dim=1)
+        layers = zip(split, self.read_feed_forward, self.streams, strict=True)
+        parts = [stream(part + feed_forward(part)) for part, feed_forward, stream in layers]
         parts = self.combine(torch.cat(parts, dim=1)).chunk(len(self.streams), dim=1)
         answers = [answer(queries, part) for answer, part in zip(self.answer, parts, strict=True)]
         return torch.stack(answers, dim=1)
