@@ -84,9 +84,12 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
             for key, each in dataset_to_policy_features(meta.features).items()
             if key in before and each.type is FeatureType.VISUAL
         }
-        if other := [key for key, each in stored.items() if tuple(each.shape) != tuple(before[key].shape)]:
-            names = ", ".join(other)
-            _log.warning(f"shapes of this dataset differ from those of the policy's training: {names}")
+        for key, feature in stored.items():
+            if (here := tuple(feature.shape)) != (trained := tuple(before[key].shape)):
+                _log.warning(
+                    f"images of this dataset differ from those of the policy's training: {key} is {here}, not {trained}"
+                )
+                break  # the others differ likewise
         config.input_features = before | stored
     most = CODE_HORIZON - 1 if stats is None else np.max(stats.get(KEYPOSE_STEP, {}).get("max", np.nan))
     if not config.use_keypose_step:
