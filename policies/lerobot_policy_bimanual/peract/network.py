@@ -66,9 +66,6 @@ class PerceiverIO(nn.Module):
 class PerActNetwork(nn.Module):
     """Voxels, proprioception and language to one discrete keypose per arm.
 
-    With the defaults of `PerActConfig` it has the parameters of the reference networks: 66 180 794 for two arms
-    (PerAct2), 33 240 669 for one (PerAct), and 33 241 181 for one that is told the keypose of the other.
-
     Args:
         config: all sizes.
         arms: arms to predict; they share the latents evenly.
