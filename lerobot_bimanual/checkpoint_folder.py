@@ -1,10 +1,12 @@
 """Find the folder of a checkpoint, without importing LeRobot and torch."""
 
 from pathlib import Path
+from shlex import quote
 
 from lerobot_bimanual.errors import BimanualError
 
 CONFIG_FILE = "config.json"
+TRAIN_CONFIG_FILE = "train_config.json"
 BELOW = ("pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model")
 """Paths of a checkpoint below the folders of a training that are given in its place."""
 
@@ -27,3 +29,11 @@ def require_checkpoint_if_local(path: str) -> None:
     """`require_checkpoint` of what LeRobot takes as a folder or as `owner/name` on the Hub, unless it can only be the latter."""
     if Path(path).parent.is_dir() or path.count("/") != 1:
         require_checkpoint(Path(path))
+
+
+def how_to_resume(training: Path) -> str:
+    """How a training goes on whose folder this is, for a message."""
+    config = next(filter(Path.is_file, (training / path / TRAIN_CONFIG_FILE for path in BELOW)), None)
+    if config is None:
+        return f"there is no checkpoint at {training / BELOW[-1]}"
+    return f"to go on from the last checkpoint give {quote(f'--config_path={config}')} --resume=true"

@@ -144,7 +144,7 @@ def _assignments(words: Sequence[str], flags: Mapping[str, Flag]) -> Iterator[tu
             valid = [f"--{each}" for each in flags]
             guess = did_you_mean(f"--{name}", valid)
             raise BadCommandLine(
-                f"unknown flag {plain(f'--{name}')}.{guess} Valid flags: {', '.join(valid)}."
+                f"unknown flag {plain(f'--{name}')}.{guess} Valid flags: {', '.join(valid) or 'none'}."
             )
         if not equals:
             if rest and not rest[0].startswith("--"):

@@ -43,10 +43,10 @@ def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
     known = {*ALWAYS, *_flags(config)}
     for family in FAMILIES:
         kind = _kind(family, values)
-        if kind is not None and f"{family}.discover_packages_path" not in values:
-            kinds = KIND.findall(_text(family))
-            if kind not in kinds:
-                raise InvalidChoice(f"--{family}.type", kind, sorted(kinds))
+        if kind is None or f"{family}.discover_packages_path" in values:
+            continue
+        if kind not in (kinds := known_kinds(family)):
+            raise InvalidChoice(f"--{family}.type", kind, sorted(kinds))
     for flag in given:
         section, _, rest = flag.partition(".")
         field = rest.partition(".")[0]
@@ -57,6 +57,11 @@ def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
                 f"unknown flag --{plain(flag)}.{guess} `--help` lists the flags, after LeRobot's import."
             )
     return values
+
+
+def known_kinds(family: str) -> list[str]:
+    """Names of the kinds of policies, or of environments, that are installed."""
+    return KIND.findall(_text(family))
 
 
 def without_ours(words: Sequence[str]) -> list[str]:

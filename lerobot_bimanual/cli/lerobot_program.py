@@ -78,7 +78,7 @@ def run_program(
             require_checkpoint_if_local(path)
             if not Path(path).is_dir() and not is_trusted(words):
                 raise BimanualError(
-                    f"{path} is on the Hub, where nothing can check it: `hf download {path} --local-dir=FOLDER` and give "
+                    f"{path} is no folder, and on the Hub nothing can check it: `hf download {path} --local-dir=FOLDER` and give "
                     f"the folder, or --{TRUST_FLAG}=true where you trust its source"
                 )
         check(values)

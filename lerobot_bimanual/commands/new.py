@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lerobot_bimanual.cli.lerobot_flags import known_kinds
 from lerobot_bimanual.distributions import location
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.files import write_file
@@ -30,7 +32,9 @@ def task_new(config: NewConfig) -> None:
     Examples:
         lerobot-bimanual task new --name=raise_block
     """
-    _write("lerobot_env_bimanual", "new_task", "raise_block", config.name, config.output or Path(config.name))
+    package = _folder("lerobot_env_bimanual")
+    taken = [path.stem for path in package.glob("tasks/*.py")]
+    _write(package / "new_task", "raise_block", config.name, config.output or Path(config.name), taken)
 
 
 def policy_new(config: NewConfig) -> None:
@@ -42,17 +46,23 @@ def policy_new(config: NewConfig) -> None:
     Examples:
         lerobot-bimanual policy new --name=blind_mlp
     """
-    folder = config.output or Path(f"lerobot_policy_{config.name}")
-    _write("lerobot_policy_bimanual", "new_policy", "blind_mlp", config.name, folder)
+    target = config.output or Path(f"lerobot_policy_{config.name}")
+    template = _folder("lerobot_policy_bimanual") / "new_policy"
+    _write(template, "blind_mlp", config.name, target, known_kinds("policy"))
 
 
-def _write(package: str, template: str, old: str, name: str, target: Path) -> None:
-    """Write what is in a folder of a package, with another name, into a new folder."""
+def _folder(package: str) -> Path:
+    return location(package) or Path()
+
+
+def _write(source: Path, old: str, name: str, target: Path, taken: Collection[str]) -> None:
+    """Write what is in a folder, with another name that is not taken, into a new folder."""
     if not re.fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
         raise InvalidChoice("name", name, "small letters and digits, underscores between words, no keyword")
+    if name in taken:
+        raise BimanualError(f"name is {name!r}, which is taken: choose another --name")
     if target.exists():
         raise BimanualError(f"{target} is there already: choose another --output")
-    source = (location(package) or Path()) / template
     forms = list(zip(_forms(old), _forms(name), strict=True))
     for path in sorted(source.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:

@@ -14,7 +14,9 @@ BASES = {
     "dataset generate": {"task": "lift_ball", "root": "made"},
     "expert evaluate": {"task": "lift_ball"},
     "policy benchmark": {"output": "made", "dry_run": "true"},
+    "policy new": {},
     "policy robustness": {"checkpoint": "nowhere", "task": "lift_ball"},
+    "task new": {},
     "task view": {"task": "lift_ball"},
 }
 """Flags of commands that could be meant."""
@@ -62,6 +64,8 @@ REFUSED = {
         "eval_flags=--policy.depth='3": "a shell could not read",
     },
     "policy robustness": {"checkpoint=nowhere": "no checkpoint at nowhere", "axes=masse": "no checkpoint"},
+    "policy new": {"name=act": "'act', which is taken"},
+    "task new": {"name=lift_ball": "'lift_ball', which is taken"},
     "task view": {
         "task=lift_bal": "Did you mean 'lift_ball'?",
         "variation=7": "variation of lift_ball is '7'",
@@ -92,7 +96,11 @@ TRAINED = f"--policy.path={Path(__file__).parents[2] / 'results/checkpoints/pera
 MISTAKES = [
     (eval_program, "", "--policy.path=FOLDER is missing"),
     (eval_program, "--policy.path=nowhere", "no checkpoint at nowhere"),
-    (eval_program, "--policy.path=lerobot/act", "lerobot/act is on the Hub, where nothing can check it"),
+    (
+        eval_program,
+        "--policy.path=lerobot/act",
+        "lerobot/act is no folder, and on the Hub nothing can check it",
+    ),
     (eval_program, f"{TRAINED} --env.imagesize=3", "Did you mean '--env.image_size'?"),
     (eval_program, f"{TRAINED} --env.image_size 3", "image_size is 3, but must be 8 to 4096"),
     (eval_program, f"{TRAINED} --env.task=lift_bal", "Did you mean 'lift_ball'?"),
@@ -102,6 +110,13 @@ MISTAKES = [
     (train_program, "--policy.type=peract3", "Did you mean 'peract2'?"),
     (train_program, "--policy.type=act --policy.chunksize=3", "Did you mean '--policy.chunk_size'?"),
     (train_program, "--policy.type=act --dataset.root=nowhere", "no dataset at nowhere"),
+    (train_program, "--policy.type=act", "--dataset.repo_id is missing"),
+    (train_program, "--policy.type=act --output_dir=.", "there already: choose another; there is no"),
+    (
+        train_program,
+        "--resume=true --output_dir=there",
+        "to go on from the last checkpoint give --config_path=there/c",
+    ),
     (train_program, "--config_path=small.yaml", "small.yaml: No such file or directory"),
 ]
 
@@ -111,6 +126,7 @@ def test_a_mistake_for_a_program_of_lerobot_is_told_on_one_line_before_its_impor
     program, flags, message, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
+    write_file(tmp_path / "there/checkpoints/last/pretrained_model/train_config.json", "{}")
     monkeypatch.setattr("sys.argv", [program.__name__, *flags.split()])
     assert program.main() in (1, 2)
     told = capsys.readouterr().err

@@ -15,9 +15,9 @@ from torch.utils.data import default_collate
 
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import DatasetError
-from lerobot_policy_bimanual.training import resident_dataset
+from lerobot_policy_bimanual.training import resident_dataset, train
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
-from lerobot_policy_bimanual.training.train import check_training, images_read
+from lerobot_policy_bimanual.training.train import AcceleratorWithMemory, check_training, images_read
 
 CPU = torch.device("cpu")
 LEARNT_WITH = {
@@ -112,6 +112,12 @@ def test_rows_that_memory_cannot_hold_as_requested_are_refused_by_flag(option, v
     dataset = DatasetConfig("local/small", root=str(generated / "keyframes"), **{option: value})
     with pytest.raises(DatasetError, match=rf"--dataset\.{option}.*`lerobot-train`"):
         check_training(TrainPipelineConfig(dataset))
+
+
+def test_what_is_missing_on_the_way_to_the_accelerator_is_named(monkeypatch):
+    monkeypatch.setattr(train, "check_training", lambda cfg: cfg.missing)
+    with pytest.raises(AttributeError, match="'missing'"):
+        AcceleratorWithMemory(SimpleNamespace(), SimpleNamespace, None).autocast()
 
 
 def test_depth_is_rounded_to_16_bits_and_a_dataset_larger_than_the_memory_is_refused(stored, monkeypatch):

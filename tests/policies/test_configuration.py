@@ -42,6 +42,7 @@ def test_config_survives_saving(tmp_path):
         ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
         ({"language_encoder": "bert"}, InvalidChoice, "learned, wordllama, clip:"),
         ({"cameras": ("overhead",)}, InvalidChoice, "left_shoulder"),
+        ({"cameras": tuple("[front]")}, BadConfig, r"'\[front\]', .*--policy.cameras='\[\"front\""),
         ({"cameras": ()}, BadConfig, "at least one camera"),
         ({"cameras": ("front", "front")}, BadConfig, "none twice"),
         ({"heads": 0}, BadConfig, "heads is 0, but must be a whole number from 1 to 128"),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
+from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig, policies
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 import lerobot_policy_bimanual
@@ -174,7 +174,9 @@ def test_the_horizon_is_of_the_dataset_or_the_papers_code_and_kept(make_policy, 
     assert PreTrainedConfig.from_pretrained(tmp_path).keypose_horizon == horizon
 
 
-def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(make_policy, tmp_path, caplog):
+def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(
+    make_policy, tmp_path, caplog, monkeypatch
+):
     stats = {KEYPOSE_STEP: {"max": np.array([5.0])}}
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
@@ -182,6 +184,9 @@ def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(make_poli
     for name, other in {"keypose_horizon": 7, "workspace_lower": (0.0, 0.0, 0.0), "heads": 1}.items():
         with pytest.raises(BadConfig, match=rf"leave out --policy\.{name}"):
             type(policy).from_pretrained(tmp_path, config=replace(config, **{name: other}))
+    monkeypatch.setattr(policies, "hf_hub_download", lambda **kwargs: tmp_path / "config.json")
+    with pytest.raises(BadConfig, match=r"me/model was trained with .*--policy\.heads"):
+        type(policy).from_pretrained("me/model", config=replace(config, heads=1))
     labels = {"min": -np.ones(18), "max": np.ones(18)}
     longer = {KEYPOSE_STEP: {"max": np.array([6.0])}, ACTION: labels}
     restored = type(policy).from_pretrained(tmp_path, config=config, dataset_stats=longer)

@@ -102,6 +102,7 @@ def test_accuracy_is_that_of_the_actions(tiny_checkpoint, dataset, capsys):
     last = said.splitlines()[-1].split()
     assert last[:3] == ["all", "both", str(2 * ROWS)]
     assert float(last[3]) == pytest.approx(found["cm"].mean(), abs=0.006)
+    assert max(map(len, last)) < 8  # rounded
 
 
 def test_what_is_shown_is_the_prediction_whose_probabilities_are_one_distribution(make_policy, make_batch):

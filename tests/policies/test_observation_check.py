@@ -146,7 +146,7 @@ def test_another_task_and_another_size_are_warned_of_once(make_policy, make_batc
     provenance(worlds={"push_box": "0123456789ab"}).write(meta.root / PROVENANCE_FILE)
     fit_config(policy.config, meta, None)
     (other,) = warnings_of(caplog)
-    assert re.search(r"differ from those of the policy's training: .*images\.front, ", other)
+    assert re.search(r"policy's training: .*images\.front is \(3, 32, 24\), not \(3, 8, 8\)", other)
     caplog.clear()
     policy.save_pretrained(tmp_path)
     restored = type(policy).from_pretrained(tmp_path)

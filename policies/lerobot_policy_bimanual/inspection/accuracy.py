@@ -29,7 +29,7 @@ def measure(
     """
     parts = []
     starts = range(0, len(dataset), BATCH_SIZE)
-    for start in tqdm(starts, desc="predicting", unit_scale=BATCH_SIZE, unit="row"):
+    for start in tqdm(starts, desc="predicting", unit="batch"):
         batch = preprocess(batch_of(dataset, range(start, min(start + BATCH_SIZE, len(dataset)))))
         predicted, label = policy.select_action(batch), batch[ACTION]
         distance_m, angle_rad = distances(predicted, label)
@@ -50,6 +50,7 @@ def measure(
 
 def summary(errors: pd.DataFrame) -> pd.DataFrame:
     """One line per keypose and arm, and one for everything: distances in cm, mean angle in degrees, shares of wrong flags."""
+    errors = errors.astype({"cm": float, "deg": float})  # of float32 the rounded ones have 16 digits
     everything = errors.assign(after="all", arm="both")
     return (
         pd.concat([errors.astype({"after": str}), everything])

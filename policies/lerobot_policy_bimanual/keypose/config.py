@@ -129,6 +129,12 @@ class KeyposePolicyConfig(PreTrainedConfig):
         if encoder not in SELF_CONTAINED and not str(encoder).startswith(CLIP_PREFIX):
             allowed = (*SELF_CONTAINED, f"{CLIP_PREFIX}<local path or hub id>")
             raise InvalidChoice("language_encoder", encoder, allowed)
+        if self.cameras and all(len(camera) == 1 for camera in self.cameras):
+            # LeRobot's parser makes letters of a text, and of a list that has lost its quotes in a shell.
+            raise BadConfig(
+                f"cameras is {''.join(self.cameras)!r}, but must be a list whose names are quoted, as in "
+                """--policy.cameras='["front","left_wrist"]'"""
+            )
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:
                 raise InvalidChoice("cameras", camera, CAMERA_NAMES)

@@ -3,7 +3,6 @@
 docs/policies.md has a table. What a batch lacks is said by `ObservationCheck` and `forward`: until then LeRobot may rename keys.
 """
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +13,8 @@ from lerobot.configs import FeatureType, PreTrainedConfig
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP, PROVENANCE_FILE
+from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION
 from lerobot_policy_bimanual.errors import BadConfig
@@ -72,22 +72,25 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
     Raises:
         BadConfig: the horizon is unset, and the statistics do not tell it.
         DatasetError: as in `check_label`.
+        BadRecord: the dataset's provenance is damaged.
     """
     if meta is not None:
         check_label(meta.features.get(ACTION, {}).get("shape", ()))
         config.trained_instructions = () if meta.tasks is None else tuple(map(str, meta.tasks.index))
-        provenance = Path(meta.root) / PROVENANCE_FILE
-        made = json.loads(provenance.read_text(encoding="utf-8")) if provenance.is_file() else {}
-        config.trained_worlds = made.get("worlds", {})
+        provenance = Provenance.of_dataset(Path(meta.root))
+        config.trained_worlds = {} if provenance is None else provenance.worlds
         before = config.input_features or {}
         stored = {
             key: each
             for key, each in dataset_to_policy_features(meta.features).items()
             if key in before and each.type is FeatureType.VISUAL
         }
-        if other := [key for key, each in stored.items() if tuple(each.shape) != tuple(before[key].shape)]:
-            names = ", ".join(other)
-            _log.warning(f"shapes of this dataset differ from those of the policy's training: {names}")
+        for key, feature in stored.items():
+            if (here := tuple(feature.shape)) != (trained := tuple(before[key].shape)):
+                _log.warning(
+                    f"images of this dataset differ from those of the policy's training: {key} is {here}, not {trained}"
+                )
+                break  # the others differ likewise
         config.input_features = before | stored
     most = CODE_HORIZON - 1 if stats is None else np.max(stats.get(KEYPOSE_STEP, {}).get("max", np.nan))
     if not config.use_keypose_step:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import torch
-from huggingface_hub.constants import CONFIG_NAME
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
@@ -83,8 +82,8 @@ class KeyposePolicy(PreTrainedPolicy):
             BadConfig: as in `compare_with_checkpoint`.
             CheckpointError: as in `load_state_dict`.
         """
-        if config is not None and (Path(pretrained_name_or_path) / CONFIG_NAME).is_file():
-            trained = PreTrainedConfig.from_pretrained(pretrained_name_or_path)
+        if config is not None:
+            trained = PreTrainedConfig.from_pretrained(pretrained_name_or_path, **kwargs)
             compare_with_checkpoint(config, trained, pretrained_name_or_path)
         return super().from_pretrained(pretrained_name_or_path, config=config, **kwargs)
 
@@ -168,12 +167,10 @@ class KeyposePolicy(PreTrainedPolicy):
             values = torch.stack([value.detach() for value in report.values()]).tolist()
         return loss, dict(zip(report, values, strict=True))
 
-    @torch.no_grad()
     def predict_action_chunk(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The next keypose as a chunk of one action, (b, 1, 18)."""
         return self.select_action(batch)[:, None]
 
-    @torch.no_grad()
     def select_action(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The next keypose of both arms, (b, 18) in the layout of `lerobot_bimanual.keypose`.
 

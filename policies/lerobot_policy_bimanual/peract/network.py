@@ -55,11 +55,9 @@ class PerceiverIO(nn.Module):
         """Read `tokens` (b, t, token_dim), answer `queries` (b, q, token_dim): (b, streams, q, token_dim)."""
         latents = self.latents.expand(len(tokens), -1, -1)
         latents = latents + self.read(latents, tokens)
-        parts = []
-        for part, feed_forward, stream in zip(
-            latents.chunk(len(self.streams), dim=1), self.read_feed_forward, self.streams, strict=True
-        ):
-            parts.append(stream(part + feed_forward(part)))
+        split = latents.chunk(len(self.streams), dim=1)
+        layers = zip(split, self.read_feed_forward, self.streams, strict=True)
+        parts = [stream(part + feed_forward(part)) for part, feed_forward, stream in layers]
         parts = self.combine(torch.cat(parts, dim=1)).chunk(len(self.streams), dim=1)
         answers = [answer(queries, part) for answer, part in zip(self.answer, parts, strict=True)]
         return torch.stack(answers, dim=1)
@@ -67,9 +65,6 @@ class PerceiverIO(nn.Module):
 
 class PerActNetwork(nn.Module):
     """Voxels, proprioception and language to one discrete keypose per arm.
-
-    With the defaults of `PerActConfig` it has the parameters of the reference networks: 66 180 794 for two arms
-    (PerAct2), 33 240 669 for one (PerAct), and 33 241 181 for one that is told the keypose of the other.
 
     Args:
         config: all sizes.

@@ -21,8 +21,6 @@ class RVTNetwork(nn.Module):
     """Rendered views, proprioception and language to one discrete keypose.
 
     The first half of the blocks attends within each view, the second half over all views and the instruction.
-    With the defaults of `RVTLFConfig` it has the 36 348 093 parameters of the reference network, and 36 348 605
-    if it is told the keypose of another arm.
 
     Args:
         config: all sizes.

@@ -1,14 +1,14 @@
 """The program `lerobot-bimanual-train`, with what needs no LeRobot: importing LeRobot takes up to half a minute."""
 
 import ctypes
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from lerobot_bimanual.checkpoint_folder import TRAIN_CONFIG_FILE, how_to_resume
 from lerobot_bimanual.cli.flags import BadCommandLine
 from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG
 from lerobot_bimanual.cli.lerobot_program import run_program
-from lerobot_bimanual.errors import plain
+from lerobot_bimanual.errors import BimanualError, plain
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Parameters of glibc's `mallopt`."""
@@ -28,10 +28,25 @@ def _check(values: Mapping[str, str]) -> None:
         raise BadCommandLine(
             f"--{KEEP_FLAG} is {plain(kept)}, but must be a number of checkpoints, 1 or more"
         )
+    config, output = Path(values.get("config_path", "")), values.get("output_dir", "")
+    if values.get("resume", "false") != "false":
+        folder = config if config.is_dir() else config.parent
+        if config.exists() and not (folder / TRAIN_CONFIG_FILE).is_file():
+            raise BadCommandLine(
+                f"--resume goes with the --config_path of a checkpoint; {how_to_resume(Path(output or config))}"
+            )
+    elif output and Path(output).is_dir():
+        raise BimanualError(
+            f"--output_dir={output} is there already: choose another; {how_to_resume(Path(output))}"
+        )
     if root := values.get("dataset.root"):
         from lerobot_policy_bimanual.training.dataset_folder import check_dataset
 
         check_dataset(Path(root))
+    if "dataset.repo_id" not in values and "config_path" not in values:
+        raise BadCommandLine(
+            "--dataset.repo_id is missing: OWNER/NAME on the Hub, or any such as local/data beside --dataset.root"
+        )
 
 
 def _train(values: Mapping[str, str]) -> None:
@@ -51,8 +66,6 @@ def keep_freed_memory() -> None:
     By default glibc gives the large maps of a training step back to the system, which zeroes every page again at the next
     step: up to a third of the step's time. Does nothing with other C libraries.
     """
-    if not sys.platform.startswith("linux"):
-        return
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(M_MMAP_THRESHOLD, MAX_KEPT_BYTES)

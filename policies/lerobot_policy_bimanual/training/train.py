@@ -14,7 +14,7 @@ import logging
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from lerobot.scripts import lerobot_train
 from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
+from lerobot_bimanual.checkpoint_folder import how_to_resume
 from lerobot_bimanual.cli.lerobot_flags import is_trusted
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import check_output_folder, share_files
@@ -79,16 +80,18 @@ class AcceleratorWithMemory:
 
     def __init__(self, cfg: TrainPipelineConfig, make: Callable[[], Accelerator], keep_last: int | None):
         self._cfg, self._make, self._keep_last = cfg, make, keep_last
+        self._made: Accelerator | None = None
         self._is_prepared = False  # a checkpoint that is resumed has been read then
 
-    @cached_property
     def _accelerator(self) -> Accelerator:
-        check_training(self._cfg)
-        return self._make()
+        if self._made is None:
+            check_training(self._cfg)
+            self._made = self._make()
+        return self._made
 
     def __getattr__(self, name: str) -> Any:
         """Get an attribute of the accelerator."""
-        return getattr(self._accelerator, name)
+        return getattr(self._accelerator(), name)
 
     def prepare(self, *parts: Any) -> tuple[Any, ...]:
         """Prepare what a training consists of: the policy, its optimizer and scheduler, and loaders.
@@ -97,7 +100,7 @@ class AcceleratorWithMemory:
             DatasetError: the rows of a loader do not fit into memory.
         """
         numbers = [self._of_numbers(part) if isinstance(part, DataLoader) else part for part in parts]
-        prepared = self._accelerator.prepare(*numbers)
+        prepared = self._accelerator().prepare(*numbers)
         self._is_prepared = True
         return tuple(
             LoaderFromMemory(new, _starts_within_an_epoch(part)) if isinstance(part, DataLoader) else new
@@ -106,8 +109,8 @@ class AcceleratorWithMemory:
 
     def wait_for_everyone(self) -> None:
         """Wait for all processes, as after a checkpoint, which others may then read as far as the umask lets them."""
-        self._accelerator.wait_for_everyone()
-        if self._accelerator.is_main_process and self._cfg.output_dir is not None:
+        self._accelerator().wait_for_everyone()
+        if self._accelerator().is_main_process and self._cfg.output_dir is not None:
             share_files(Path(self._cfg.output_dir), "*.safetensors")  # written for their owner alone
             if self._keep_last and self._is_prepared:
                 remove_older(Path(self._cfg.output_dir, "checkpoints"), self._keep_last)
@@ -116,7 +119,7 @@ class AcceleratorWithMemory:
         """A loader of the numbers of the same rows, whose dataset is in memory."""
         rows, dataset = loader.dataset, _whole(loader.dataset)
         images = images_read(self._cfg, dataset.meta)
-        held = ResidentDataset(dataset, self._accelerator.device, images, self._cfg.dataset.video_backend)
+        held = ResidentDataset(dataset, self._accelerator().device, images, self._cfg.dataset.video_backend)
         return DataLoader(
             Subset(held, rows.indices) if isinstance(rows, Subset) else held,
             loader.batch_size,
@@ -155,9 +158,17 @@ def train(cfg: TrainPipelineConfig, keep_last: int | None = None) -> None:
     Raises:
         DatasetError: as in `check_training`, or the dataset does not fit into memory.
         BadConfig: the training is to run elsewhere.
+        KeyboardInterrupt: it was interrupted; the text says how it goes on.
     """
     if cfg.job.is_remote:
         raise BadConfig("--job.target names another machine: submit the training with `lerobot-train`")
+    try:
+        _train(cfg, keep_last)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(how_to_resume(Path(cfg.output_dir or ""))) from None
+
+
+def _train(cfg: TrainPipelineConfig, keep_last: int | None) -> None:
     if "accelerator" in inspect.signature(lerobot_train.train).parameters:
         accelerator: Any = AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg), keep_last)
         lerobot_train.train(cfg, accelerator)
