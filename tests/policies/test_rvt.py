@@ -1,6 +1,7 @@
 """RVT computes the written-out formulation, faster, and decodes what it was trained towards."""
 
 import itertools
+from typing import Any
 
 import pytest
 import torch
@@ -16,10 +17,17 @@ from lerobot_policy_bimanual.rvt_lf.views import pixels_of_voxels
 HEADS = 2
 
 
-def tiny_network(**options) -> RVTNetwork:
-    grid = {"voxel_size": 9, "patch": 3, "channels": 4, "token_dim": 8, "attention_dim": 12, "depth": 4}
+def tiny_network(**options: Any) -> RVTNetwork:
+    grid: dict[str, Any] = {
+        "voxel_size": 9,
+        "patch": 3,
+        "channels": 4,
+        "token_dim": 8,
+        "attention_dim": 12,
+        "depth": 4,
+    }
     rest = {"heads": HEADS, "feedforward_multiplier": 2, "attention_dropout": 0.0, "language_dim": 6}
-    config = RVTLFConfig(device="cpu", **grid | rest | options)
+    config = RVTLFConfig(device="cpu", **(grid | rest | options))
     network = RVTNetwork(config, proprio_dim=4).double()
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.3)  # biases and norms too, so that none is invisible
@@ -34,8 +42,9 @@ def make_inputs(samples: int = 2) -> tuple[torch.Tensor, ...]:
     )
 
 
-def conv(x, weight, bias):
-    return F.conv2d(F.pad(x, (weight.shape[-1] // 2,) * 4, mode="replicate"), weight, bias)
+def conv(x, weight, bias, dilation=1):
+    padding = (dilation * (weight.shape[-1] // 2),) * 4
+    return F.conv2d(F.pad(x, padding, mode="replicate"), weight, bias, dilation=dilation)
 
 
 def upsampled_conv(x, weight, bias):
@@ -43,8 +52,11 @@ def upsampled_conv(x, weight, bias):
     return conv(fine, weight, bias)
 
 
-def written_out(p, views, proprio, language):
-    """Logits (b, 5, 9, 9) and pose (b, outputs), one view after the other, with nothing split or shared."""
+def written_out(p, views, proprio, language, *, dilations):
+    """Logits (b, 5, 9, 9) and pose (b, outputs), one view after the other, with nothing split or shared.
+
+    Dilations come with squares of positions and colours.
+    """
 
     def linear(name, x):
         return F.linear(x, p[f"{name}.weight"], p[f"{name}.bias"])
@@ -56,6 +68,7 @@ def written_out(p, views, proprio, language):
     words = [leaky(norm("language", linear("language.linear", word))) for word in language.unbind(1)]
     stems, images = [], []
     for number, view in enumerate(views.unbind(1)):
+        view = torch.cat([view, view[:, :6] ** 2], dim=1) if dilations else view
         stem = leaky(conv(view, p["stem.weight"], p["stem.bias"]))
         patches = F.conv2d(stem, p["patchify.conv.weight"], p["patchify.conv.bias"], stride=3)
         patches = leaky(norm("patchify", patches))  # (b, 4, 3, 3)
@@ -75,6 +88,8 @@ def written_out(p, views, proprio, language):
         coarse = leaky(conv(answers, p["coarse.weight"], p["coarse.bias"]))
         up = leaky(upsampled_conv(coarse, p["upsample.conv.weight"], p["upsample.conv.bias"]))
         fine = leaky(conv(torch.cat([up, stem], dim=1), p["join.conv.weight"], p["join.conv.bias"]))
+        for layer, dilation in enumerate(dilations):
+            fine = fine + conv(leaky(fine), p[f"reach.{layer}.weight"], p[f"reach.{layer}.bias"], dilation)
         heatmap = conv(fine, p["heatmap.weight"], p["heatmap.bias"])[:, 0]
         weight = heatmap.detach().flatten(1).softmax(1).view_as(heatmap)
         logits.append(heatmap)
@@ -88,12 +103,12 @@ def pose_logits(prediction):
     return torch.cat(parts, dim=-1)
 
 
-def heatmaps(samples: int = 2, arms: int = 2, size: int = 12) -> HeatmapTranslation:
-    return HeatmapTranslation(3 * torch.randn(samples, arms, 5, size, size, dtype=torch.float64), 1.5)
+def heatmaps(samples: int = 2, arms: int = 2, size: int = 12, fusion: str = "mean") -> HeatmapTranslation:
+    return HeatmapTranslation(3 * torch.randn(samples, arms, 5, size, size, dtype=torch.float64), 1.5, fusion)
 
 
 def gaussians(center: torch.Tensor, size: int, sigma: float = 1.5) -> torch.Tensor:
-    """Images (5, size, size) of the target around a voxel (3,), every pixel in turn."""
+    """Images (5, size, size) of the target around a place (3,) in voxels, every pixel in turn."""
     images = torch.zeros(5, size, size, dtype=torch.float64)
     rows, columns = pixels_of_voxels(center, size)
     for view, r, c in itertools.product(range(5), range(size), range(size)):
@@ -103,20 +118,23 @@ def gaussians(center: torch.Tensor, size: int, sigma: float = 1.5) -> torch.Tens
     return images / images.sum((1, 2), keepdim=True)
 
 
-def lattice(images: torch.Tensor) -> torch.Tensor:
-    """Mean probability of every voxel (v, v, v), one after the other, from images (5, v, v)."""
+def lattice(images: torch.Tensor, fusion: str) -> torch.Tensor:
+    """Mean or product of the images (5, v, v) at every voxel (v, v, v), one after the other."""
     size = images.shape[-1]
     scores = torch.zeros(size, size, size, dtype=images.dtype)
     for voxel in itertools.product(range(size), repeat=3):
         rows, columns = pixels_of_voxels(torch.tensor(voxel), size)
-        scores[voxel] = images[torch.arange(5), rows, columns].mean()
+        at_voxel = images[torch.arange(5), rows, columns]
+        scores[voxel] = at_voxel.mean() if fusion == "mean" else at_voxel.prod()
     return scores
 
 
-def test_network_and_its_gradients_equal_the_written_out_formulation():
-    network, inputs = tiny_network(), make_inputs()
+@pytest.mark.parametrize("dilations", [(), (1, 3)])
+def test_network_and_its_gradients_equal_the_written_out_formulation(dilations):
+    network = tiny_network(heatmap_dilations=dilations, quadratic_features=bool(dilations))
+    inputs = make_inputs()
     parameters = dict(network.named_parameters())
-    logits, pose = written_out(parameters, *inputs)
+    logits, pose = written_out(parameters, *inputs, dilations=dilations)
     probes = torch.randn_like(logits), torch.randn_like(pose)
     prediction = network(*inputs)
     torch.testing.assert_close(prediction.translation.logits[:, 0], logits, atol=1e-6, rtol=1e-6)
@@ -131,13 +149,18 @@ def test_network_and_its_gradients_equal_the_written_out_formulation():
         )
 
 
-def test_loss_equals_the_divergence_from_a_target_image_with_gradients():
-    prediction = heatmaps()
+@pytest.mark.parametrize("fusion", ["mean", "product"])
+@pytest.mark.parametrize("is_between", [False, True])
+def test_loss_equals_the_divergence_from_a_target_image_with_gradients(is_between, fusion):
+    prediction = heatmaps(fusion=fusion)
     logits = prediction.logits.requires_grad_()
     voxel = torch.tensor([[[5, 6, 4], [0, 11, 2]], [[11, 11, 11], [3, 0, 7]]])  # in the middle and at borders
-    target = torch.stack([torch.stack([gaussians(arm, 12) for arm in sample]) for sample in voxel])
+    offset = torch.rand(2, 2, 3, dtype=torch.float64) - 0.5 if is_between else None
+    places = voxel if offset is None else voxel + offset
+    target = torch.stack([torch.stack([gaussians(arm, 12) for arm in sample]) for sample in places])
     expected = (target.xlogy(target) - target * logits.flatten(3).log_softmax(3).view_as(logits)).sum((3, 4))
-    expected, actual = expected.mean(2), prediction.cross_entropy(voxel)
+    expected = expected.mean(2) if fusion == "mean" else expected.sum(2)
+    actual = prediction.cross_entropy(voxel, offset)
     torch.testing.assert_close(actual, expected)
     torch.testing.assert_close(*(torch.autograd.grad(each.sum(), logits)[0] for each in (actual, expected)))
 
@@ -153,18 +176,28 @@ def test_best_voxel_is_the_first_maximum_of_the_whole_lattice(monkeypatch, level
     assert torch.equal(best_voxel(xy, xz, yz), expected)
 
 
-def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_mean_probability():
-    prediction = heatmaps(samples=2, arms=1, size=7)
-    candidates = prediction.candidates()
+@pytest.mark.parametrize("fusion", ["mean", "product"])
+def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_probability(fusion):
+    prediction = heatmaps(samples=2, arms=1, size=7, fusion=fusion)
+    candidates, probabilities = prediction.candidates(), prediction.probabilities()[:, 0]
     for sample in range(2):
         images = prediction.logits[sample, 0].flatten(1).softmax(1).view(5, 7, 7)
-        scores = lattice(images)
+        scores = lattice(images, fusion)
+        torch.testing.assert_close(probabilities[sample], scores / scores.sum())
         assert scores[tuple(candidates.best()[sample, 0])] == scores.max()
         for voxel, score in zip(candidates.voxel[sample, 0], candidates.score[sample, 0], strict=True):
             if ((voxel >= 0) & (voxel < 7)).all():
                 torch.testing.assert_close(score.exp(), scores[tuple(voxel)])
             else:
                 assert torch.isneginf(score)
+
+
+def test_a_product_of_heatmaps_finds_a_place_between_pixels_as_it_was_taught():
+    place = torch.tensor([5.3, 6.8, 9.1], dtype=torch.float64)
+    logits = gaussians(place, 16, sigma=1).clamp(min=1e-30).log()[None, None]
+    candidates = HeatmapTranslation(logits, 1, "product").candidates()
+    assert torch.equal(candidates.best()[0, 0], place.round().long())
+    torch.testing.assert_close(candidates.local_mean()[0, 0], place, atol=0.05, rtol=0)
 
 
 @pytest.mark.parametrize(
@@ -177,6 +210,8 @@ def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_mean_probab
         ("attention_dim", 100, "multiple of 8"),
         ("depth", 3, "multiple of 2"),
         ("heatmap_sigma_px", 0.0, "a number from 0.01"),
+        ("heatmap_fusion", "sum", "mean, product"),
+        ("heatmap_dilations", (0,), "whole numbers from 1"),
     ],
 )
 def test_sizes_that_do_not_fit_are_refused(option, value, message):
