@@ -38,7 +38,7 @@ class MadeUpEvaluator:
         MadeUpEvaluator.n_means += 1
         return ((float(variation), *[0.0] * 17),)
 
-    def map(self, function: Any, items: Any, *_: Any) -> Iterator[str]:
+    def map(self, function: Any, items: Any, *_: Any, **__: Any) -> Iterator[str]:
         return (world(*function.args, item) for item in items)
 
     def play(self, specs: list[EpisodeSpec], label: str) -> list[EpisodeOutcome]:
