@@ -25,7 +25,7 @@ class HeatmapTranslation:
     Attributes:
         logits: (b, arms, views, v, v) float32; the pixels are those of `VIEWS`, one per row of voxels.
         sigma_px: standard deviation of the training target.
-        fusion: "mean" or "product" of the heatmaps; with a product the losses of the views add up.
+        fusion: "mean" or "product" of the heatmaps.
     """
 
     logits: Tensor
@@ -35,8 +35,8 @@ class HeatmapTranslation:
     def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
         """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
 
-        The mean over the views, or their sum. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and
-        then normalised. Its own entropy is subtracted, so that a perfect heatmap has the loss 0.
+        Averaged over the views. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and then
+        normalised. Its own entropy is subtracted, so that a perfect heatmap has the loss 0.
         """
         V = self.logits.shape[-1]
         reach = int(CUT_SIGMAS * self.sigma_px + 0.5)
@@ -55,8 +55,7 @@ class HeatmapTranslation:
         flat = self.logits.flatten(3)
         hit = flat.gather(3, rows.clamp(0, V - 1) * V + columns.clamp(0, V - 1))
         wanted = weight.xlogy(weight).sum(dim=3)
-        of_views = flat.logsumexp(dim=3) - (weight * hit).sum(dim=3) + wanted
-        return of_views.sum(dim=2) if self.fusion == "product" else of_views.mean(dim=2)
+        return (flat.logsumexp(dim=3) - (weight * hit).sum(dim=3) + wanted).mean(dim=2)
 
     def candidates(self) -> VoxelCandidates:
         """The most probable of all voxels and its 26 neighbours."""
