@@ -42,9 +42,8 @@ def make_inputs(samples: int = 2) -> tuple[torch.Tensor, ...]:
     )
 
 
-def conv(x, weight, bias, dilation=1):
-    padding = (dilation * (weight.shape[-1] // 2),) * 4
-    return F.conv2d(F.pad(x, padding, mode="replicate"), weight, bias, dilation=dilation)
+def conv(x, weight, bias):
+    return F.conv2d(F.pad(x, (weight.shape[-1] // 2,) * 4, mode="replicate"), weight, bias)
 
 
 def upsampled_conv(x, weight, bias):
@@ -89,7 +88,9 @@ def written_out(p, views, proprio, language, *, dilations):
         up = leaky(upsampled_conv(coarse, p["upsample.conv.weight"], p["upsample.conv.bias"]))
         fine = leaky(conv(torch.cat([up, stem], dim=1), p["join.conv.weight"], p["join.conv.bias"]))
         for layer, dilation in enumerate(dilations):
-            fine = fine + conv(leaky(fine), p[f"reach.{layer}.weight"], p[f"reach.{layer}.bias"], dilation)
+            surrounded = F.pad(leaky(fine), (dilation,) * 4)
+            weight, bias = p[f"reach.{layer}.weight"], p[f"reach.{layer}.bias"]
+            fine = fine + F.conv2d(surrounded, weight, bias, dilation=dilation)
         heatmap = conv(fine, p["heatmap.weight"], p["heatmap.bias"])[:, 0]
         weight = heatmap.detach().flatten(1).softmax(1).view_as(heatmap)
         logits.append(heatmap)

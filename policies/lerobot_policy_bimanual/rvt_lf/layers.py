@@ -14,11 +14,8 @@ NORM_GROUPS = 4
 class Conv2d(nn.Conv2d):
     """Convolution of odd width with replicate borders, which keeps the image size, and LeakyReLU if `activated`."""
 
-    def __init__(self, inputs: int, outputs: int, kernel: int, *, activated: bool, dilation: int = 1):
-        padding = dilation * (kernel // 2)
-        super().__init__(
-            inputs, outputs, kernel, padding=padding, dilation=dilation, padding_mode="replicate"
-        )
+    def __init__(self, inputs: int, outputs: int, kernel: int, *, activated: bool):
+        super().__init__(inputs, outputs, kernel, padding=kernel // 2, padding_mode="replicate")
         self.activated = activated
         (init_activated if activated else init_linear)(self)
 

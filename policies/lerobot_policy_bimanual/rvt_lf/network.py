@@ -52,7 +52,7 @@ class RVTNetwork(nn.Module):
         self.upsample = layers.UpsampledConv2d(channels, channels, patch)
         self.join = layers.SkipConv2d(channels)
         self.reach = nn.ModuleList(
-            layers.Conv2d(channels, channels, 3, activated=False, dilation=dilation)
+            nn.Conv2d(channels, channels, 3, padding=dilation, dilation=dilation)
             for dilation in config.heatmap_dilations
         )
         self.heatmap = layers.Conv2d(channels, 1, 3, activated=False)
