@@ -20,6 +20,7 @@ from typing import BinaryIO
 
 from rich.console import Console
 
+from lerobot_bimanual.checkpoint_folder import TRAIN_CONFIG_FILE
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import check_output_folder, owned, sha256
 from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
@@ -187,7 +188,7 @@ class Pipeline:
         """The command that resumes a training from its last checkpoint; None if there is no checkpoint."""
         # LeRobot's link `last` comes after the numbers of steps; where it leads nowhere, the newest one is taken whose writing,
         # which may have been cut off, came to the state of the optimizer.
-        checkpoints = sorted(folder.glob("checkpoints/*/pretrained_model/train_config.json"))
+        checkpoints = sorted(folder.glob(f"checkpoints/*/pretrained_model/{TRAIN_CONFIG_FILE}"))
         if not (folder / "checkpoints" / "last").exists():
             state = "training_state/**/optimizer_param_groups.json"
             checkpoints = [path for path in checkpoints if any(path.parents[1].glob(state))]

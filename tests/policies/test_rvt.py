@@ -54,7 +54,7 @@ def upsampled_conv(x, weight, bias):
 def written_out(p, views, proprio, language, *, dilations):
     """Logits (b, 5, 9, 9) and pose (b, outputs), one view after the other, with nothing split or shared.
 
-    Dilations come with squares of positions and colours.
+    With dilations, squared positions and colours are further channels.
     """
 
     def linear(name, x):

@@ -17,7 +17,7 @@ from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
 
 @pytest.fixture
 def make_robot(tmp_path) -> Iterator[Callable[..., BimanualSim]]:
-    """Makes robots, connected if nothing else is asked for, and without cameras."""
+    """Makes robots without cameras, connected by default."""
     robots: list[BimanualSim] = []
 
     def make(connected: bool = True, **options) -> BimanualSim:

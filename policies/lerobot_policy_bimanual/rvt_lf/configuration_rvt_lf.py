@@ -37,7 +37,7 @@ class RVTLFConfig(KeyposePolicyConfig):
     # Dilations of further convolutions over each view, which see as many pixels further to every side (departure from the
     # paper).
     heatmap_dilations: tuple[int, ...] = ()
-    # Append the squares of positions and colours to the views; see `PerActConfig` (departure from the paper).
+    # Squared positions and colours are further channels of the views, as in `PerActConfig` (departure from the paper).
     quadratic_features: bool = False
     leader: str = choice("right", "left")  # the arm that decides first, `left` or `right` (the paper's)
     # The follower sees the leader's goal, as one more channel of its views; in the paper it has its numbers only.
