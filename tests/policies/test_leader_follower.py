@@ -18,8 +18,7 @@ from lerobot_policy_bimanual.peract_independent.configuration_peract_independent
     PerActIndependentConfig,
 )
 from lerobot_policy_bimanual.peract_independent.modeling_peract_independent import PerActIndependentPolicy
-from lerobot_policy_bimanual.rvt_lf.views import VIEWS, pixels_of_voxels
-from lerobot_policy_bimanual.rvt_lf.views import with_goal as views_with_goal
+from lerobot_policy_bimanual.rvt_lf.views import VIEWS, pixels_of_voxels, with_mark
 
 
 @pytest.fixture(params=ARMS)
@@ -214,7 +213,7 @@ def test_with_joint_decoding_the_right_arms_position_follows_the_left_ones(tiny,
 def test_the_goal_is_marked_where_it_lies_in_the_grid_and_is_seen_in_every_view():
     voxel = torch.tensor([[1, 2, 3], [9, 0, 4]])
     marked = with_goal(torch.zeros(2, GRID_CHANNELS, VOXELS, VOXELS, VOXELS), voxel)[:, GRID_CHANNELS]
-    views = views_with_goal(torch.zeros(2, len(VIEWS), 4, VOXELS, VOXELS), voxel)[:, :, 4]
+    views = with_mark(torch.zeros(2, len(VIEWS), 4, VOXELS, VOXELS), voxel)[:, :, 4]
     rows, columns = pixels_of_voxels(voxel, VOXELS)
     for sample, (x, y, z) in enumerate(voxel):
         assert marked[sample].argmax() == (x * VOXELS + y) * VOXELS + z

@@ -8,16 +8,20 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from peract2_written_out import block, leaky
 
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
+from lerobot_policy_bimanual.keypose.observation import Observation
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, best_voxel
+from lerobot_policy_bimanual.rvt_lf.looks import Looks, TwoHeatmaps
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
+from lerobot_policy_bimanual.rvt_lf.scene import Scene
 from lerobot_policy_bimanual.rvt_lf.views import pixels_of_voxels
 
 HEADS = 2
 
 
-def tiny_network(**options: Any) -> RVTNetwork:
+def tiny_config(**options: Any) -> RVTLFConfig:
     grid: dict[str, Any] = {
         "voxel_size": 9,
         "patch": 3,
@@ -27,8 +31,11 @@ def tiny_network(**options: Any) -> RVTNetwork:
         "depth": 4,
     }
     rest = {"heads": HEADS, "feedforward_multiplier": 2, "attention_dropout": 0.0, "language_dim": 6}
-    config = RVTLFConfig(device="cpu", **(grid | rest | options))
-    network = RVTNetwork(config, proprio_dim=4).double()
+    return RVTLFConfig(device="cpu", **(grid | rest | options))
+
+
+def tiny_network(**options: Any) -> RVTNetwork:
+    network = RVTNetwork(tiny_config(**options), proprio_dim=4).double()
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.3)  # biases and norms too, so that none is invisible
     return network
@@ -229,3 +236,62 @@ def test_words_write_filters_of_what_the_views_show():
             bias = network.stem.bias + words[sample, :, -1]
             pixels = torch.einsum("oi,vihw->vohw", weight, views[sample]) + bias[:, None, None]
             torch.testing.assert_close(stem[sample], leaky(pixels))
+
+
+def closer_scene() -> Scene:
+    config = tiny_config(point_radius=0.01, second_look_zoom=3)
+    points = torch.rand(2, 3, 500) + torch.tensor(config.workspace.lower)[:, None]
+    return Scene.of(Observation(points, torch.rand(2, 3, 500), torch.zeros(2, 8), ["", ""]), config)
+
+
+def test_a_closer_view_shows_points_and_the_goal_where_they_lie_around_its_middle():
+    scene, middle = closer_scene(), torch.tensor([[4.3, 3.1, 5.0], [2.1, 6.6, 4.0]])
+    goal = torch.tensor([[5, 3, 4], [2, 6, 3]])
+    views = scene.with_goal(goal).closer(middle)
+    points = (
+        scene.cloud.points.transpose(1, 2) - torch.tensor(scene.config.workspace.lower)
+    ) * 9 - 0.5  # in voxels, the centre of the first at 0
+    for sample in range(2):
+        near = ((points[sample] - middle[sample]) * 3 + 4.5).floor().long()
+        expected = torch.zeros(5, 9, 9, dtype=torch.bool)
+        for voxel in near[((near >= 0) & (near < 9)).all(1)]:
+            expected[torch.arange(5), *pixels_of_voxels(voxel, 9)] = True
+        assert torch.equal(views[sample, :, :6].any(1), expected)
+        rows, columns = pixels_of_voxels(((goal[sample] - middle[sample]) * 3 + 4).round().long(), 9)
+        assert torch.equal(views[sample, :, 10].flatten(1).argmax(1), rows * 9 + columns)
+
+
+def test_the_second_look_answers_around_what_the_first_chose_and_in_training_around_the_label():
+    scene, looks = closer_scene(), Looks(tiny_config(second_look_zoom=3), proprio_dim=4)
+    rest = torch.randn(2, 4), torch.randn(2, 3, 6)
+    bins = torch.zeros(2, 1, 3, dtype=torch.long), torch.zeros(2, 1, dtype=torch.long)
+    target = KeyposeBins(torch.tensor([[[1, 2, 3]], [[8, 0, 4]]]), bins[0], bins[1], bins[1])
+    looks.train()
+    middles = torch.stack([looks(scene, *rest, target).translation.middle for _ in range(50)])
+    distance = (middles - target.voxel).abs().amax((0, 1, 2))
+    assert (distance < 0.25 * 4.5 / 3).all()
+    assert (distance > 0.3).all()
+
+    prediction = looks.eval()(scene, *rest, target)
+    first, second = looks.first(scene.whole, *rest), prediction.translation.second
+    middle = first.translation.candidates().local_mean()
+    torch.testing.assert_close(prediction.translation.middle, middle)
+    torch.testing.assert_close(
+        prediction.translation.candidates().local_mean(), middle + (second.candidates().local_mean() - 4) / 3
+    )
+    closer = looks.second(scene.closer(middle[:, 0]), *rest)
+    torch.testing.assert_close(pose_logits(prediction), pose_logits(first) + pose_logits(closer))
+
+
+def test_the_loss_of_two_looks_asks_both_for_the_same_place():
+    middle, zoom = torch.tensor([[[3.25, 4.5, 5.0]]], dtype=torch.float64), 4
+    place = torch.tensor([3.6, 4.1, 5.3], dtype=torch.float64)
+    images = (gaussians(place, 12), gaussians((place - middle[0, 0]) * zoom + 5.5, 12))
+    looks = [HeatmapTranslation(image.clamp(min=1e-30).log()[None, None], 1.5, "product") for image in images]
+    translation = TwoHeatmaps(*looks, middle, zoom)
+    voxel = place.round().long()[None, None]
+    torch.testing.assert_close(translation.cross_entropy(voxel, place - voxel), torch.zeros(1, 1).double())
+    torch.testing.assert_close(translation.candidates().local_mean()[0, 0], place, atol=0.02, rtol=0)
+    elsewhere = translation.cross_entropy(torch.tensor([[[0, 11, 0]]]))
+    assert elsewhere.isfinite().all()
+    assert elsewhere > 10

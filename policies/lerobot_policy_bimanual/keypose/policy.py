@@ -92,7 +92,7 @@ class KeyposePolicy(PreTrainedPolicy):
         """A new network, called as `network(scene, proprio, language, target)`, which predicts both arms."""
 
     @abstractmethod
-    def scene(self, observation: Observation) -> Tensor:
+    def scene(self, observation: Observation) -> Any:
         """Convert the cloud to the network's input."""
 
     def predict(self, observation: Observation, target: KeyposeBins | None) -> KeyposePrediction:

@@ -59,7 +59,7 @@ class LeaderFollower(nn.Module):
         proprio_dim: int,
         leader: Arm,
         codec: TorchKeyposeCodec,
-        mark: Callable[[Tensor, Tensor], Tensor] | None = None,
+        mark: Callable[[Any, Tensor], Any] | None = None,
     ):
         super().__init__()
         self.leading_arm = leader

@@ -6,16 +6,13 @@ A baseline of Grotz et al., "PerAct2: Benchmarking and Learning for Robotic Bima
 
 from functools import partial
 
-from torch import Tensor
-
 from lerobot_bimanual.arms import Arm
 from lerobot_policy_bimanual.keypose.observation import PROPRIO_PER_ARM, Observation
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 from lerobot_policy_bimanual.nn.arms import LeaderFollower
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
-from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
-from lerobot_policy_bimanual.rvt_lf.point_renderer import render_views
-from lerobot_policy_bimanual.rvt_lf.views import with_goal
+from lerobot_policy_bimanual.rvt_lf.looks import Looks
+from lerobot_policy_bimanual.rvt_lf.scene import Scene
 
 
 class RVTLFPolicy(KeyposePolicy):
@@ -28,19 +25,13 @@ class RVTLFPolicy(KeyposePolicy):
     def make_network(self) -> LeaderFollower:
         """One network per arm, the follower's with a longer proprioception."""
         return LeaderFollower(
-            partial(RVTNetwork, self.config),
+            partial(Looks, self.config),
             proprio_dim=PROPRIO_PER_ARM,
             leader=Arm(self.config.leader),
             codec=self.codec,
-            mark=with_goal if self.config.follower_sees_goal else None,
+            mark=Scene.with_goal if self.config.follower_sees_goal else None,
         )
 
-    def scene(self, observation: Observation) -> Tensor:
-        """Five views (b, 5, 10, size, size) of the cloud, the same for both arms."""
-        return render_views(
-            observation.points,
-            observation.colours,
-            workspace=self.config.workspace,
-            size=self.config.voxel_size,
-            radius=self.config.point_radius,
-        )
+    def scene(self, observation: Observation) -> Scene:
+        """The cloud and its five views, the same for both arms."""
+        return Scene.of(observation, self.config)

@@ -53,11 +53,16 @@ def pixels_of_voxels(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
     return both[..., ROWS], both[..., COLUMNS]
 
 
-def with_goal(images: Tensor, voxel: Tensor) -> Tensor:
+def with_mark(images: Tensor, voxel: Tensor) -> Tensor:
     """Views (b, views, c, size, size) and, behind their channels, one that is 1 where voxels (b, 3) are seen and falls off."""
     rows, columns = (near(pixels, images.shape[-1]) for pixels in pixels_of_voxels(voxel, images.shape[-1]))
     mark = (rows[..., :, None] * columns[..., None, :]).to(images.dtype)  # (b, views, size, size)
     return torch.cat([images, mark[:, :, None]], dim=2)
+
+
+def magnified(place: Tensor, middle: Tensor, zoom: int, size: int) -> Tensor:
+    """Where places (..., 3) in voxels lie among `size` voxels per axis that are `zoom` times smaller, around middles (..., 3)."""
+    return (place - middle) * zoom + (size - 1) / 2
 
 
 def sum_over_views(images: Tensor) -> tuple[Tensor, Tensor, Tensor]:

@@ -1,0 +1,58 @@
+"""What RVT looks at: a point cloud, all of it or a part from nearer."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+from torch import Tensor
+
+from lerobot_policy_bimanual.keypose.observation import Observation
+from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
+from lerobot_policy_bimanual.rvt_lf.point_renderer import render_views
+from lerobot_policy_bimanual.rvt_lf.views import magnified, with_mark
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A point cloud to be looked at.
+
+    Attributes:
+        cloud: the points and their colours.
+        config: sizes of the workspace, its views and the points.
+        whole: (b, 5, 10, v, v) views of the workspace as made by `render_views`, with a further channel if there is a goal.
+        goal: (b, 3) voxels of another arm's goal, which a further channel of all views marks; None for no such channel.
+    """
+
+    cloud: Observation
+    config: RVTLFConfig
+    whole: Tensor
+    goal: Tensor | None = None
+
+    @classmethod
+    def of(cls, cloud: Observation, config: RVTLFConfig) -> Self:
+        """The scene of a cloud."""
+        return cls(cloud, config, _views(cloud, config, 1))
+
+    def with_goal(self, voxel: Tensor) -> Self:
+        """The same scene with a mark at voxels (b, 3)."""
+        return replace(self, whole=with_mark(self.whole, voxel), goal=voxel)
+
+    def closer(self, place: Tensor) -> Tensor:
+        """Views (b, 5, 10, v, v), magnified `second_look_zoom` times, whose middle shows places (b, 3) in voxels."""
+        config = self.config
+        zoom, center_m = config.second_look_zoom, self.cloud.points.new_tensor(config.workspace.center)
+        points = (self.cloud.points - config.codec.voxel_centers(place)[..., None]) * zoom + center_m[:, None]
+        views = _views(replace(self.cloud, points=points), config, zoom)
+        if self.goal is None:
+            return views
+        return with_mark(views, magnified(self.goal, place, zoom, config.voxel_size))
+
+
+def _views(cloud: Observation, config: RVTLFConfig, zoom: int) -> Tensor:
+    """Views of a cloud that is magnified already; its points grow, too."""
+    return render_views(
+        cloud.points,
+        cloud.colours,
+        workspace=config.workspace,
+        size=config.voxel_size,
+        radius=zoom * config.point_radius,
+    )
