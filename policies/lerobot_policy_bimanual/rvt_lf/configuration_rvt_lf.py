@@ -33,8 +33,8 @@ class RVTLFConfig(KeyposePolicyConfig):
     # Attention blocks; the first half within each view, the second half over all of them.
     depth: int = number(8, 2, 64)
     heatmap_sigma_px: float = number(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
-    # A voxel's score is the `mean` of the heatmaps where it is seen, as in RVT, or their `product`: a view that cannot tell
-    # leaves it to the others.
+    # A voxel's probability is the `mean` of the heatmaps where it is seen, each of which is trained by itself, as in RVT; or
+    # their `product`, which is trained as a whole: a view that cannot tell leaves it to the others.
     heatmap_fusion: str = choice("mean", "product")
     # Dilations of further convolutions over each view, which see as many pixels further to every side (departure from the
     # paper).

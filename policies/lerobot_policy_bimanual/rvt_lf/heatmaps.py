@@ -1,6 +1,7 @@
 """RVT's translation: one heatmap per view, and the voxel on which the views agree best."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -17,20 +18,17 @@ CHUNK_VOXELS = 2**18
 
 @dataclass(frozen=True, eq=False)
 class HeatmapTranslation:
-    """One softmax over the pixels of each view.
+    """One softmax over the pixels of each view, as in RVT.
 
-    A voxel's probability is taken to be proportional to the mean of the five heatmaps at the pixels in which it
-    is seen, or to their product.
+    A voxel's probability is taken to be proportional to the mean of the five heatmaps at the pixels in which it is seen.
 
     Attributes:
         logits: (b, arms, views, v, v) float32; the pixels are those of `VIEWS`, one per row of voxels.
         sigma_px: standard deviation of the training target.
-        fusion: "mean" or "product" of the heatmaps.
     """
 
     logits: Tensor
     sigma_px: float
-    fusion: str = "mean"
 
     def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
         """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
@@ -59,30 +57,73 @@ class HeatmapTranslation:
 
     def candidates(self) -> VoxelCandidates:
         """The most probable of all voxels and its 26 neighbours."""
-        B, A, _, V, _ = self.logits.shape
-        planes = [plane.flatten(0, 1) for plane in self._planes()]
-        best = best_voxel(*planes)  # (b arms, 3)
-        voxel, inside = neighbours(best, V)  # (b arms, 27, 3)
-        x, y, z = voxel.clamp(0, V - 1).unbind(2)
-        sample = torch.arange(len(best), device=best.device)[:, None]
-        xy, xz, yz = planes
-        score = xy[sample, x, y] + (xz[sample, x, z] + yz[sample, y, z])
-        score = (score if self.fusion == "product" else score.log()).masked_fill(~inside, -torch.inf)
-        return VoxelCandidates(voxel.unflatten(0, (B, A)), score.unflatten(0, (B, A)))
+        found = _best_and_neighbours(self._planes())
+        return replace(found, score=found.score.clamp(min=0).log())
 
     def probabilities(self) -> Tensor:
         """Probabilities (b, arms, v, v, v) of all voxels."""
-        xy, xz, yz = self._planes()
-        mass = xy[..., :, :, None] + xz[..., :, None, :] + yz[..., None, :, :]
-        if self.fusion == "product":
-            return mass.flatten(2).softmax(dim=2).view_as(mass)
+        mass = _lattice(self._planes())
         return mass / mass.sum(dim=(2, 3, 4), keepdim=True)
 
     def _planes(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Planes xy, xz, yz (b, arms, v, v) whose sum is a voxel's mean probability over the views, or the log of their product."""
-        flat, views = self.logits.flatten(3), self.logits.shape[2]
-        images = flat.log_softmax(dim=3) if self.fusion == "product" else flat.softmax(dim=3) / views
-        return sum_over_views(images.view_as(self.logits))
+        """Planes xy, xz, yz (b, arms, v, v) whose sum is a voxel's mean probability over the views."""
+        heatmaps = self.logits.flatten(3).softmax(dim=3) / self.logits.shape[2]
+        return sum_over_views(heatmaps.view_as(self.logits))
+
+
+@dataclass(frozen=True, eq=False)
+class ProductTranslation:
+    """One softmax over all voxels, whose logits are the sums of those of the pixels in which the views see them.
+
+    So a voxel's probability is proportional to the product of the heatmaps, and a view that cannot tell leaves it to the others.
+
+    Attributes:
+        logits, sigma_px: as in `HeatmapTranslation`.
+    """
+
+    logits: Tensor
+    sigma_px: float
+
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+        """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
+
+        Its own entropy is subtracted, so that a perfect distribution has the loss 0.
+        """
+        place = voxel if offset is None else voxel + offset
+        steps = torch.arange(self.logits.shape[-1], device=voxel.device) - place[..., None]
+        wanted = (-(steps**2) / (2 * self.sigma_px**2)).softmax(dim=-1).to(self.logits)  # (b, arms, 3, v)
+        planes = sum_over_views(self.logits)
+        x, y, z = wanted.unbind(2)
+        hits = zip(planes, (x, x, y), (y, z, z), strict=True)
+        hit = sum(torch.einsum("bauv,bau,bav->ba", plane, first, second) for plane, first, second in hits)
+        return _lattice(planes).flatten(2).logsumexp(dim=2) - hit + wanted.xlogy(wanted).sum(dim=(2, 3))
+
+    def candidates(self) -> VoxelCandidates:
+        """The most probable of all voxels and its 26 neighbours."""
+        return _best_and_neighbours(sum_over_views(self.logits))
+
+    def probabilities(self) -> Tensor:
+        """Probabilities (b, arms, v, v, v) of all voxels."""
+        scores = _lattice(sum_over_views(self.logits))
+        return scores.flatten(2).softmax(dim=2).view_as(scores)
+
+
+def _lattice(planes: Sequence[Tensor]) -> Tensor:
+    """Sums (b, arms, v, v, v) of planes xy, xz, yz (b, arms, v, v)."""
+    xy, xz, yz = planes
+    return xy[..., :, :, None] + xz[..., :, None, :] + yz[..., None, :, :]
+
+
+def _best_and_neighbours(planes: Sequence[Tensor]) -> VoxelCandidates:
+    """The voxel at which planes xy, xz, yz (b, arms, v, v) have the largest sum, its 26 neighbours, and their sums."""
+    B, A, V, _ = planes[0].shape
+    xy, xz, yz = (plane.flatten(0, 1) for plane in planes)
+    best = best_voxel(xy, xz, yz)  # (b arms, 3)
+    voxel, inside = neighbours(best, V)  # (b arms, 27, 3)
+    x, y, z = voxel.clamp(0, V - 1).unbind(2)
+    sample = torch.arange(len(best), device=best.device)[:, None]
+    score = (xy[sample, x, y] + (xz[sample, x, z] + yz[sample, y, z])).masked_fill(~inside, -torch.inf)
+    return VoxelCandidates(voxel.unflatten(0, (B, A)), score.unflatten(0, (B, A)))
 
 
 def best_voxel(xy: Tensor, xz: Tensor, yz: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, VoxelCandidates
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
-from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation
+from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, ProductTranslation
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.scene import Scene
 from lerobot_policy_bimanual.rvt_lf.views import magnified
@@ -73,8 +73,8 @@ class TwoHeatmaps:
         zoom: voxels of the surroundings per voxel of the workspace, along each axis.
     """
 
-    first: HeatmapTranslation
-    second: HeatmapTranslation
+    first: HeatmapTranslation | ProductTranslation
+    second: HeatmapTranslation | ProductTranslation
     middle: Tensor
     zoom: int
 

@@ -12,7 +12,7 @@ from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.rvt_lf import layers
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
-from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation
+from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, ProductTranslation
 from lerobot_policy_bimanual.rvt_lf.point_renderer import QUADRATIC, VIEW_CHANNELS
 from lerobot_policy_bimanual.rvt_lf.views import VIEWS
 
@@ -31,9 +31,8 @@ class RVTNetwork(nn.Module):
     def __init__(self, config: RVTLFConfig, *, proprio_dim: int, goal_channels: int = 0):
         super().__init__()
         channels, token_dim, patch = config.channels, config.token_dim, config.patch
-        self.make_translation = partial(
-            HeatmapTranslation, sigma_px=config.heatmap_sigma_px, fusion=config.heatmap_fusion
-        )
+        translation = HeatmapTranslation if config.heatmap_fusion == "mean" else ProductTranslation
+        self.make_translation = partial(translation, sigma_px=config.heatmap_sigma_px)
         self.patches = config.voxel_size // patch
         self.quadratic_features = config.quadratic_features
         inputs = VIEW_CHANNELS + goal_channels + (QUADRATIC.stop - QUADRATIC.start) * self.quadratic_features
