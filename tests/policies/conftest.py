@@ -42,7 +42,7 @@ TINY_PERACTS = {"dense": TINY_PERACT | {"translation_head": "dense"}, "factorise
 TINY_RVT = TINY | {"voxel_size": 15, "patch": 5, "attention_dim": 32, "heatmap_sigma_px": 0.5}
 """Sizes of the smallest RVT with every part in it."""
 
-TINY_RVTS = {"one_look": TINY_RVT, "two_looks": TINY_RVT | {"language_filters": True, "second_look_zoom": 2}}
+TINY_RVTS = {"one_stage": TINY_RVT, "two_stages": TINY_RVT | {"language_filters": True, "fine_stage_zoom": 2}}
 
 
 def with_option(variant: str, option: str, variants: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -63,7 +63,7 @@ SPECIMENS = {
     "peract_lf": Specimen(
         33_240_669 + 33_241_181, with_option("factorised", "follower_sees_goal", TINY_PERACTS)
     ),
-    "rvt_lf": Specimen(72_696_698, with_option("two_looks", "follower_sees_goal", TINY_RVTS)),
+    "rvt_lf": Specimen(72_696_698, with_option("two_stages", "follower_sees_goal", TINY_RVTS)),
 }
 """By policy type. The parameter counts are those of the reference implementations (PerAct2 code)."""
 

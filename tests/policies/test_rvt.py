@@ -13,9 +13,9 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
 from lerobot_policy_bimanual.keypose.observation import Observation
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, ProductTranslation, best_voxel
-from lerobot_policy_bimanual.rvt_lf.looks import Looks, TwoHeatmaps
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.scene import Scene
+from lerobot_policy_bimanual.rvt_lf.two_stages import JITTER, FineTranslation, StagedRVT
 from lerobot_policy_bimanual.rvt_lf.views import pixels_of_voxels
 
 HEADS = 2
@@ -255,21 +255,20 @@ def test_words_write_filters_of_what_the_views_show():
             torch.testing.assert_close(stem[sample], leaky(pixels))
 
 
-def closer_scene() -> Scene:
-    config = tiny_config(point_radius=0.01, second_look_zoom=3)
+def zoomed_scene() -> Scene:
+    config = tiny_config(point_radius=0.01, fine_stage_zoom=3)
     points = torch.rand(2, 3, 500) + torch.tensor(config.workspace.lower)[:, None]
     return Scene.of(Observation(points, torch.rand(2, 3, 500), torch.zeros(2, 8), ["", ""]), config)
 
 
-def test_a_closer_view_shows_points_and_the_goal_where_they_lie_around_its_middle():
-    scene, middle = closer_scene(), torch.tensor([[4.3, 3.1, 5.0], [2.1, 6.6, 4.0]])
+def test_zoomed_in_views_show_points_and_the_goal_where_they_lie_around_the_middle():
+    scene, middle = zoomed_scene(), torch.tensor([[4.3, 3.1, 5.0], [2.1, 6.6, 4.0]])
     goal = torch.tensor([[5, 3, 4], [2, 6, 3]])
-    views = scene.with_goal(goal).closer(middle)
-    points = (
-        scene.cloud.points.transpose(1, 2) - torch.tensor(scene.config.workspace.lower)
-    ) * 9 - 0.5  # in voxels, the centre of the first at 0
+    views = scene.with_goal(goal).zoomed_in(middle)
+    lower = torch.tensor(scene.config.workspace.lower)
     for sample in range(2):
-        near = ((points[sample] - middle[sample]) * 3 + 4.5).floor().long()
+        points = (scene.cloud.points[sample].T - lower) * 9 - 0.5  # in voxels, the centre of the first at 0
+        near = ((points - middle[sample]) * 3 + 4.5).floor().long()
         expected = torch.zeros(5, 9, 9, dtype=torch.bool)
         for voxel in near[((near >= 0) & (near < 9)).all(1)]:
             expected[torch.arange(5), *pixels_of_voxels(voxel, 9)] = True
@@ -278,35 +277,33 @@ def test_a_closer_view_shows_points_and_the_goal_where_they_lie_around_its_middl
         assert torch.equal(views[sample, :, 10].flatten(1).argmax(1), rows * 9 + columns)
 
 
-def test_the_second_look_answers_around_what_the_first_chose_and_in_training_around_the_label():
-    scene, looks = closer_scene(), Looks(tiny_config(second_look_zoom=3), proprio_dim=4)
+def test_the_fine_stage_zooms_in_on_the_coarse_prediction_and_in_training_near_the_label():
+    scene, network = zoomed_scene(), StagedRVT(tiny_config(fine_stage_zoom=3), proprio_dim=4)
     rest = torch.randn(2, 4), torch.randn(2, 3, 6)
-    bins = torch.zeros(2, 1, 3, dtype=torch.long), torch.zeros(2, 1, dtype=torch.long)
-    target = KeyposeBins(torch.tensor([[[1, 2, 3]], [[8, 0, 4]]]), bins[0], bins[1], bins[1])
-    looks.train()
-    middles = torch.stack([looks(scene, *rest, target).translation.middle for _ in range(50)])
-    distance = (middles - target.voxel).abs().amax((0, 1, 2))
-    assert (distance < 0.25 * 4.5 / 3).all()
-    assert (distance > 0.3).all()
+    voxel, flag = torch.tensor([[[1, 2, 3]], [[8, 0, 4]]]), torch.zeros(2, 1, dtype=torch.long)
+    target = KeyposeBins(voxel, torch.zeros_like(voxel), flag, flag)
+    network.train()
+    middles = torch.stack([network(scene, *rest, target).translation.middle for _ in range(50)])
+    distance = (middles - voxel).abs().amax((0, 1, 2))
+    assert (distance < JITTER * 4.5 / 3).all()
+    assert (distance > 0.8 * JITTER * 4.5 / 3).all()
 
-    prediction = looks.eval()(scene, *rest, target)
-    first, second = looks.first(scene.whole, *rest), prediction.translation.second
-    middle = first.translation.candidates().local_mean()
-    torch.testing.assert_close(prediction.translation.middle, middle)
-    torch.testing.assert_close(
-        prediction.translation.candidates().local_mean(), middle + (second.candidates().local_mean() - 4) / 3
-    )
-    assert looks.second is not None
-    closer = looks.second(scene.closer(middle[:, 0]), *rest)
-    torch.testing.assert_close(pose_logits(prediction), pose_logits(first) + pose_logits(closer))
+    prediction = network.eval()(scene, *rest, target)
+    coarse = network.coarse(scene.whole, *rest)
+    middle = coarse.translation.candidates().local_mean()
+    assert network.fine is not None
+    fine = network.fine(scene.zoomed_in(middle[:, 0]), *rest)
+    place = middle + (fine.translation.candidates().local_mean() - 4) / 3
+    torch.testing.assert_close(prediction.translation.candidates().local_mean(), place)
+    torch.testing.assert_close(pose_logits(prediction), pose_logits(coarse) + pose_logits(fine))
 
 
-def test_the_loss_of_two_looks_asks_both_for_the_same_place():
+def test_both_stages_learn_the_same_position():
     middle, zoom = torch.tensor([[[3.25, 4.5, 5.0]]], dtype=torch.float64), 4
     place = torch.tensor([3.6, 4.1, 5.3], dtype=torch.float64)
     images = (gaussians(place, 12), gaussians((place - middle[0, 0]) * zoom + 5.5, 12))
-    first, second = (HeatmapTranslation(image.clamp(min=1e-30).log()[None, None], 1.5) for image in images)
-    translation = TwoHeatmaps(first, second, middle, zoom)
+    coarse, fine = (HeatmapTranslation(image.clamp(min=1e-30).log()[None, None], 1.5) for image in images)
+    translation = FineTranslation(coarse, fine, middle, zoom)
     voxel = place.round().long()[None, None]
     torch.testing.assert_close(translation.cross_entropy(voxel, place - voxel), torch.zeros(1, 1).double())
     torch.testing.assert_close(translation.candidates().local_mean()[0, 0], place, atol=0.5 / zoom, rtol=0)

@@ -11,8 +11,8 @@ from lerobot_policy_bimanual.keypose.observation import PROPRIO_PER_ARM, Observa
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 from lerobot_policy_bimanual.nn.arms import LeaderFollower
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
-from lerobot_policy_bimanual.rvt_lf.looks import Looks
 from lerobot_policy_bimanual.rvt_lf.scene import Scene
+from lerobot_policy_bimanual.rvt_lf.two_stages import StagedRVT
 
 
 class RVTLFPolicy(KeyposePolicy):
@@ -25,7 +25,7 @@ class RVTLFPolicy(KeyposePolicy):
     def make_network(self) -> LeaderFollower:
         """One network per arm, the follower's with a longer proprioception."""
         return LeaderFollower(
-            partial(Looks, self.config),
+            partial(StagedRVT, self.config),
             proprio_dim=PROPRIO_PER_ARM,
             leader=Arm(self.config.leader),
             codec=self.codec,

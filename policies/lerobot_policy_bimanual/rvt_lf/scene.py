@@ -1,4 +1,4 @@
-"""What RVT looks at: a point cloud, all of it or a part from nearer."""
+"""What RVT sees: a point cloud, as a whole or zoomed in."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -13,7 +13,7 @@ from lerobot_policy_bimanual.rvt_lf.views import magnified, with_mark
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A point cloud to be looked at.
+    """A point cloud and its views.
 
     Attributes:
         cloud: the points and their colours.
@@ -36,19 +36,21 @@ class Scene:
         """The same scene with a mark at voxels (b, 3)."""
         return replace(self, whole=with_mark(self.whole, voxel), goal=voxel)
 
-    def closer(self, place: Tensor) -> Tensor:
-        """Views (b, 5, 10, v, v), magnified `second_look_zoom` times, whose middle shows places (b, 3) in voxels."""
+    def zoomed_in(self, middle: Tensor) -> Tensor:
+        """Views like `whole` of the surroundings of positions (b, 3) in voxels, `fine_stage_zoom` times larger."""
         config = self.config
-        zoom, center_m = config.second_look_zoom, self.cloud.points.new_tensor(config.workspace.center)
-        points = (self.cloud.points - config.codec.voxel_centers(place)[..., None]) * zoom + center_m[:, None]
+        zoom, center_m = config.fine_stage_zoom, self.cloud.points.new_tensor(config.workspace.center)
+        points = (self.cloud.points - config.codec.voxel_centers(middle)[..., None]) * zoom + center_m[
+            :, None
+        ]
         views = _views(replace(self.cloud, points=points), config, zoom)
         if self.goal is None:
             return views
-        return with_mark(views, magnified(self.goal, place, zoom, config.voxel_size))
+        return with_mark(views, magnified(self.goal, middle, zoom, config.voxel_size))
 
 
 def _views(cloud: Observation, config: RVTLFConfig, zoom: int) -> Tensor:
-    """Views of a cloud that is magnified already; its points grow, too."""
+    """Views of a cloud that is magnified already, with points that grow like it."""
     return render_views(
         cloud.points,
         cloud.colours,

@@ -1,0 +1,101 @@
+"""RVT in two stages, coarse and fine, as in RVT-2 (Goyal et al., 2024, https://arxiv.org/abs/2406.08545)."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from lerobot_bimanual.codec_torch import KeyposeBins
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, VoxelCandidates
+from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
+from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, ProductTranslation
+from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
+from lerobot_policy_bimanual.rvt_lf.scene import Scene
+from lerobot_policy_bimanual.rvt_lf.views import magnified
+
+JITTER = 0.25
+"""Largest distance of the label from the middle of zoomed-in views in training, along each axis, in half edges of a view."""
+
+
+class StagedRVT(nn.Module):
+    """Predicts one arm's keypose by one RVT or, with `fine_stage_zoom`, by two.
+
+    The coarse stage sees the whole workspace. The fine stage sees the surroundings of the position that the coarse one
+    predicts; in training, those of the label, off their middle at random. The fine stage gives the position. The logits of
+    rotation, gripper and flag of both are added.
+
+    Args:
+        config: all sizes.
+        **sizes: of the proprioception and the goal's channel, as for `RVTNetwork`.
+    """
+
+    def __init__(self, config: RVTLFConfig, **sizes: int):
+        super().__init__()
+        self.zoom = config.fine_stage_zoom
+        self.jitter_voxels = JITTER * config.voxel_size / 2 / self.zoom
+        self.coarse = RVTNetwork(config, **sizes)
+        self.fine = RVTNetwork(config, **sizes) if self.zoom > 1 else None
+
+    def forward(
+        self, scene: Scene, proprio: Tensor, language: Tensor, target: KeyposeBins | None = None
+    ) -> KeyposePrediction:
+        """Predict the next keypose of one arm.
+
+        Args:
+            scene: what the arm sees.
+            proprio: (b, proprio_dim).
+            language: (b, tokens, dim).
+            target: label of the arm in training; None at inference.
+        """
+        coarse = self.coarse(scene.whole, proprio, language)
+        if self.fine is None:
+            return coarse
+        if self.training and target is not None:
+            label = target.voxel[:, 0].float()
+            middle = label + self.jitter_voxels * (2 * torch.rand_like(label) - 1)
+        else:
+            middle = coarse.translation.candidates().local_mean()[:, 0]
+        fine = self.fine(scene.zoomed_in(middle), proprio, language)
+        return KeyposePrediction(
+            FineTranslation(coarse.translation, fine.translation, middle[:, None], self.zoom),
+            coarse.rotation + fine.rotation,
+            coarse.gripper_open + fine.gripper_open,
+            coarse.ignore_collisions + fine.ignore_collisions,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FineTranslation:
+    """Distributions over the voxels of the workspace, and over finer ones around a position.
+
+    Attributes:
+        coarse: over the workspace.
+        fine: over the zoomed-in surroundings.
+        middle: (b, 1, 3) the middle of the surroundings, in coarse voxels.
+        zoom: fine voxels per coarse voxel, along each axis.
+    """
+
+    coarse: HeatmapTranslation | ProductTranslation
+    fine: HeatmapTranslation | ProductTranslation
+    middle: Tensor
+    zoom: int
+
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+        """Sum (b, 1) of the cross-entropies of both stages; targets outside the surroundings count as at their border."""
+        size = self.fine.logits.shape[-1]
+        place = voxel if offset is None else voxel + offset
+        place = magnified(place, self.middle, self.zoom, size).clamp(0, size - 1)
+        fine = place.round()
+        return self.coarse.cross_entropy(voxel, offset) + self.fine.cross_entropy(fine.long(), place - fine)
+
+    def candidates(self) -> VoxelCandidates:
+        """The candidates of the fine stage, in coarse voxels."""
+        size = self.fine.logits.shape[-1]
+        found = self.fine.candidates()
+        place = self.middle[:, :, None] + (found.voxel - (size - 1) / 2) / self.zoom
+        voxel = place.round().long().clamp(0, size - 1)
+        return VoxelCandidates(voxel, found.score, place - voxel)
+
+    def probabilities(self) -> Tensor:
+        """Probabilities (b, 1, v, v, v) of the coarse voxels."""
+        return self.coarse.probabilities()
