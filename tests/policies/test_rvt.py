@@ -215,6 +215,15 @@ def test_loss_of_a_product_equals_the_divergence_from_a_gaussian_over_all_voxels
     torch.testing.assert_close(*(torch.autograd.grad(each.sum(), logits)[0] for each in (actual, expected)))
 
 
+def test_a_pixel_of_a_product_is_as_probable_as_the_voxels_that_it_shows():
+    prediction = heatmaps(size=6, fusion="product")
+    images = torch.zeros_like(prediction.logits)
+    for voxel in itertools.product(range(6), repeat=3):
+        rows, columns = pixels_of_voxels(torch.tensor(voxel), 6)
+        images[:, :, torch.arange(5), rows, columns] += prediction.probabilities()[:, :, *voxel, None]
+    torch.testing.assert_close(prediction.pixel_probabilities(), images)
+
+
 def test_a_product_of_heatmaps_finds_a_place_between_pixels_as_it_was_taught():
     place = torch.tensor([5.3, 6.8, 9.1], dtype=torch.float64)
     logits = gaussians(place, 16, sigma=1).clamp(min=1e-30).log()[None, None]

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates, neighbours
-from lerobot_policy_bimanual.rvt_lf.views import pixels_of_voxels, sum_over_views
+from lerobot_policy_bimanual.rvt_lf.views import images_of_planes, pixels_of_voxels, sum_over_views
 
 CUT_SIGMAS = 3
 """Radius at which the target of a heatmap ends, in standard deviations (RVT code)."""
@@ -65,10 +65,13 @@ class HeatmapTranslation:
         mass = _lattice(self._planes())
         return mass / mass.sum(dim=(2, 3, 4), keepdim=True)
 
+    def pixel_probabilities(self) -> Tensor:
+        """The heatmaps, (b, arms, views, v, v)."""
+        return self.logits.flatten(3).softmax(dim=3).view_as(self.logits)
+
     def _planes(self) -> tuple[Tensor, Tensor, Tensor]:
         """Planes xy, xz, yz (b, arms, v, v) whose sum is a voxel's mean probability over the views."""
-        heatmaps = self.logits.flatten(3).softmax(dim=3) / self.logits.shape[2]
-        return sum_over_views(heatmaps.view_as(self.logits))
+        return sum_over_views(self.pixel_probabilities() / self.logits.shape[2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +109,11 @@ class ProductTranslation:
         """Probabilities (b, arms, v, v, v) of all voxels."""
         scores = _lattice(sum_over_views(self.logits))
         return scores.flatten(2).softmax(dim=2).view_as(scores)
+
+    def pixel_probabilities(self) -> Tensor:
+        """Probabilities (b, arms, views, v, v) that a pixel shows the position: those of all voxels that it shows, added up."""
+        mass = self.probabilities()
+        return images_of_planes(mass.sum(dim=4), mass.sum(dim=3), mass.sum(dim=2))
 
 
 def _lattice(planes: Sequence[Tensor]) -> Tensor:

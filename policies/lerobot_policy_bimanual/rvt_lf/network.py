@@ -87,12 +87,16 @@ class RVTNetwork(nn.Module):
             fine = fine + layer(F.leaky_relu(fine, LEAK))
         logits = at_least_float32(self.heatmap(fine))  # (b 5, 1, size, size)
 
-        # The position of the pose features is trained by the translation loss alone, hence no gradient here.
-        attention = logits.detach().flatten(1).softmax(dim=1).to(fine.dtype)
-        at_peak = (fine.flatten(2) @ attention[..., None])[..., 0]  # (b 5, channels)
-        features = torch.cat([answers.amax((2, 3)), at_peak], dim=1).unflatten(0, (-1, len(VIEWS)))
         heatmaps = logits.unflatten(0, (-1, len(VIEWS))).transpose(1, 2)  # (b, 1, 5, size, size)
         translation = self.make_translation(heatmaps)
+
+        # The position of the pose features is trained by the translation loss alone, hence no gradient here.
+        with torch.no_grad():
+            attention = (
+                translation.pixel_probabilities().flatten(0, 2).flatten(1).to(fine.dtype)
+            )  # (b 5, size^2)
+        at_peak = (fine.flatten(2) @ attention[..., None])[..., 0]  # (b 5, channels)
+        features = torch.cat([answers.amax((2, 3)), at_peak], dim=1).unflatten(0, (-1, len(VIEWS)))
         return KeyposePrediction.of_logits(translation, self.pose_head(features.flatten(1))[:, None])
 
     def read(self, views: Tensor, language: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.scene import Scene
 from lerobot_policy_bimanual.rvt_lf.views import magnified
 
-JITTER = 0.25
+JITTER = 0.75
 """Largest distance of the label from the middle of zoomed-in views in training, along each axis, in half edges of a view."""
 
 

@@ -72,11 +72,25 @@ def sum_over_views(images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """
     planes: dict[tuple[int, int], Tensor] = {}
     for view, image in zip(VIEWS, images.unbind(-3), strict=True):
-        mirrored = [dim for dim, axis in ((-2, view.row), (-1, view.column)) if axis >= MINUS_X]
+        axes, is_swapped, mirrored = _orientation(view)
         image = image.flip(mirrored)
-        first, second = view.row % 3, view.column % 3
-        if first > second:
-            image = image.transpose(-2, -1)
-        axes = (min(first, second), max(first, second))
+        image = image.transpose(-2, -1) if is_swapped else image
         planes[axes] = planes[axes] + image if axes in planes else image
     return planes[X, Y], planes[X, Z], planes[Y, Z]
+
+
+def images_of_planes(xy: Tensor, xz: Tensor, yz: Tensor) -> Tensor:
+    """Planes (..., size, size) as the views see them, (..., views, size, size): the opposite of `sum_over_views`."""
+    planes, images = {(X, Y): xy, (X, Z): xz, (Y, Z): yz}, []
+    for view in VIEWS:
+        axes, is_swapped, mirrored = _orientation(view)
+        image = planes[axes].transpose(-2, -1) if is_swapped else planes[axes]
+        images.append(image.flip(mirrored))
+    return torch.stack(images, dim=-3)
+
+
+def _orientation(view: View) -> tuple[tuple[int, int], bool, list[int]]:
+    """The two axes that a view sees, whether the second is that of its rows, and which dimensions of its images are mirrored."""
+    first, second = view.row % 3, view.column % 3
+    mirrored = [dim for dim, axis in ((-2, view.row), (-1, view.column)) if axis >= MINUS_X]
+    return (min(first, second), max(first, second)), first > second, mirrored
