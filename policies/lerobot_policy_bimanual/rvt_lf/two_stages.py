@@ -32,7 +32,8 @@ class StagedRVT(nn.Module):
     def __init__(self, config: RVTLFConfig, **sizes: int):
         super().__init__()
         self.zoom = config.fine_stage_zoom
-        self.jitter_voxels = JITTER * config.voxel_size / 2 / self.zoom
+        self.half_view = config.voxel_size / 2 / self.zoom  # of the fine stage, in coarse voxels
+        self.last_voxel = config.voxel_size - 1
         self.coarse = RVTNetwork(config, **sizes)
         self.fine = RVTNetwork(config, **sizes) if self.zoom > 1 else None
 
@@ -52,9 +53,12 @@ class StagedRVT(nn.Module):
             return coarse
         if self.training and target is not None:
             label = target.voxel[:, 0].float()
-            middle = label + self.jitter_voxels * (2 * torch.rand_like(label) - 1)
+            middle = label + JITTER * self.half_view * (2 * torch.rand_like(label) - 1)
         else:
             middle = coarse.translation.candidates().local_mean()[:, 0]
+        # All of the view is within the workspace, so that the position is.
+        border = self.half_view - 0.5
+        middle = middle.clamp(border, self.last_voxel - border)
         fine = self.fine(scene.zoomed_in(middle), proprio, language)
         return KeyposePrediction(
             FineTranslation(coarse.translation, fine.translation, middle[:, None], self.zoom),
@@ -66,7 +70,7 @@ class StagedRVT(nn.Module):
 
 @dataclass(frozen=True, eq=False)
 class FineTranslation:
-    """Distributions over the voxels of the workspace, and over finer ones around a position.
+    """Distributions over the voxels of the workspace, and over finer ones around a position, which decide.
 
     Attributes:
         coarse: over the workspace.
@@ -93,9 +97,9 @@ class FineTranslation:
         size = self.fine.logits.shape[-1]
         found = self.fine.candidates()
         place = self.middle[:, :, None] + (found.voxel - (size - 1) / 2) / self.zoom
-        voxel = place.round().long().clamp(0, size - 1)
+        voxel = place.round().long()
         return VoxelCandidates(voxel, found.score, place - voxel)
 
     def probabilities(self) -> Tensor:
-        """Probabilities (b, 1, v, v, v) of the coarse voxels."""
+        """Probabilities (b, 1, v, v, v) by the coarse stage, which the fine one is not bound by."""
         return self.coarse.probabilities()
