@@ -301,7 +301,7 @@ def test_the_fine_stage_zooms_in_on_the_coarse_prediction_and_in_training_near_t
 
     prediction = network.eval()(scene, *rest, target)
     coarse = network.coarse(scene.whole, *rest)
-    middle = coarse.translation.candidates().local_mean()
+    middle = coarse.translation.candidates().local_mean().clamp(1, 7)
     assert network.fine is not None
     fine = network.fine(scene.zoomed_in(middle[:, 0]), *rest)
     place = middle + (fine.translation.candidates().local_mean() - 4) / 3
