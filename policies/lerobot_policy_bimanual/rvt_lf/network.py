@@ -92,10 +92,8 @@ class RVTNetwork(nn.Module):
 
         # The position of the pose features is trained by the translation loss alone, hence no gradient here.
         with torch.no_grad():
-            attention = (
-                translation.pixel_probabilities().flatten(0, 2).flatten(1).to(fine.dtype)
-            )  # (b 5, size^2)
-        at_peak = (fine.flatten(2) @ attention[..., None])[..., 0]  # (b 5, channels)
+            attention = translation.pixel_probabilities().flatten(0, 2).flatten(1)  # (b 5, size^2)
+        at_peak = (fine.flatten(2) @ attention.to(fine.dtype)[..., None])[..., 0]  # (b 5, channels)
         features = torch.cat([answers.amax((2, 3)), at_peak], dim=1).unflatten(0, (-1, len(VIEWS)))
         return KeyposePrediction.of_logits(translation, self.pose_head(features.flatten(1))[:, None])
 

@@ -38,11 +38,10 @@ class Scene:
 
     def zoomed_in(self, middle: Tensor) -> Tensor:
         """Views like `whole` of the surroundings of positions (b, 3) in voxels, `fine_stage_zoom` times larger."""
-        config = self.config
-        zoom, center_m = config.fine_stage_zoom, self.cloud.points.new_tensor(config.workspace.center)
-        points = (self.cloud.points - config.codec.voxel_centers(middle)[..., None]) * zoom + center_m[
-            :, None
-        ]
+        config, zoom = self.config, self.config.fine_stage_zoom
+        middle_m = config.codec.voxel_centers(middle)[..., None]
+        center_m = middle_m.new_tensor(config.workspace.center)[:, None]
+        points = (self.cloud.points - middle_m) * zoom + center_m
         views = _views(replace(self.cloud, points=points), config, zoom)
         if self.goal is None:
             return views

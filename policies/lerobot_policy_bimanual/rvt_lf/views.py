@@ -90,7 +90,7 @@ def images_of_planes(xy: Tensor, xz: Tensor, yz: Tensor) -> Tensor:
 
 
 def _orientation(view: View) -> tuple[tuple[int, int], bool, list[int]]:
-    """The two axes that a view sees, whether the second is that of its rows, and which dimensions of its images are mirrored."""
+    """The two axes that a view sees, whether its rows count along the second one, and which dimensions are mirrored."""
     first, second = view.row % 3, view.column % 3
     mirrored = [dim for dim, axis in ((-2, view.row), (-1, view.column)) if axis >= MINUS_X]
     return (min(first, second), max(first, second)), first > second, mirrored
