@@ -107,7 +107,6 @@ def test_accuracy_is_that_of_the_actions(tiny_checkpoint, dataset, capsys):
 
 def test_what_is_shown_is_the_prediction_whose_probabilities_are_one_distribution(make_policy, make_batch):
     policy, batch = make_policy(), make_batch(samples=1)
-    has_fine_stage = getattr(policy.config, "fine_stage_zoom", 1) > 1  # which has probabilities of its own
     _, prediction, chosen = policy.infer(batch)
     predicted = BimanualKeypose.from_vector(chosen[0])
     errors = keypose_errors(chosen, batch[schema.ACTION])
@@ -116,18 +115,17 @@ def test_what_is_shown_is_the_prediction_whose_probabilities_are_one_distributio
     for arm, volume in zip(ARMS, prediction.translation.probabilities()[0], strict=True):
         cm, deg = (float(errors[f"{arm}_{error}"]) for error in ("position_cm", "rotation_deg"))
         assert any(text.startswith(f"{arm} arm: {cm:.1f} cm and {deg:.0f}° off") for text in texts)
+        # The hottest voxel, drawn last, is the one that is commanded.
         hot_m, heat = hot_voxels(volume, policy.codec)
+        np.testing.assert_allclose(hot_m[-1], predicted[arm].pose.position, atol=1e-6)
         assert (np.diff(heat) >= 0).all()
-        if not has_fine_stage:  # the hottest voxel, drawn last, is the one that is commanded
-            np.testing.assert_allclose(hot_m[-1], predicted[arm].pose.position, atol=1e-6)
     policy = make_policy()
     translation = policy.infer(make_batch(samples=2))[1].translation
     probabilities = translation.probabilities()
     torch.testing.assert_close(probabilities.sum(dim=(2, 3, 4)), torch.ones(2, 2))
-    if not has_fine_stage:
-        best = translation.candidates().best()
-        at_best = probabilities[torch.arange(2)[:, None], torch.arange(2), *best.unbind(-1)]
-        torch.testing.assert_close(at_best, probabilities.amax(dim=(2, 3, 4)))
+    best = translation.candidates().best()
+    at_best = probabilities[torch.arange(2)[:, None], torch.arange(2), *best.unbind(-1)]
+    torch.testing.assert_close(at_best, probabilities.amax(dim=(2, 3, 4)))
 
 
 def refusal(capsys: pytest.CaptureFixture[str], checkpoint: Path, dataset: Path, *flags: str) -> str:

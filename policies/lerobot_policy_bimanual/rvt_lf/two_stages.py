@@ -94,12 +94,21 @@ class FineTranslation:
 
     def candidates(self) -> VoxelCandidates:
         """The candidates of the fine stage, in coarse voxels."""
-        size = self.fine.logits.shape[-1]
         found = self.fine.candidates()
-        place = self.middle[:, :, None] + (found.voxel - (size - 1) / 2) / self.zoom
+        place = self._places(found.voxel, self.middle[:, :, None])
         voxel = place.round().long()
         return VoxelCandidates(voxel, found.score, place - voxel)
 
     def probabilities(self) -> Tensor:
-        """Probabilities (b, 1, v, v, v) by the coarse stage, which the fine one is not bound by."""
-        return self.coarse.probabilities()
+        """Probabilities (b, 1, v, v, v) of the coarse voxels: those of the best fine voxel in each, scaled to add up to 1."""
+        fine = self.fine.probabilities()
+        size = fine.shape[-1]
+        axis = torch.arange(size, device=fine.device)[:, None]
+        x, y, z = self._places(axis, self.middle).round().long().unbind(2)  # (b, v) each
+        voxel = (x[:, :, None, None] * size + y[:, None, :, None]) * size + z[:, None, None]
+        best = torch.zeros_like(fine.flatten(1)).scatter_reduce_(1, voxel.flatten(1), fine.flatten(1), "amax")
+        return (best / best.sum(dim=1, keepdim=True)).view_as(fine)
+
+    def _places(self, fine: Tensor, middle: Tensor) -> Tensor:
+        """Where fine voxels (..., 3) lie among the coarse ones, around middles (..., 3)."""
+        return middle + (fine - (self.fine.logits.shape[-1] - 1) / 2) / self.zoom
