@@ -52,50 +52,53 @@ def render_views(
         points, colours = points.float(), colours.float()
         lower = points.new_tensor(workspace.lower)[:, None]
         scaled = (points - lower) / points.new_tensor(workspace.size / size)[:, None]
-        inside = (scaled.amin(1, keepdim=True) >= 0) & (scaled.amax(1, keepdim=True) < size)  # False for NaN
-        # Points outside go anywhere, as nothing; not all to one pixel, for which they would queue on a GPU.
-        anywhere = (torch.arange(points.shape[2], device=points.device) % size).to(points.dtype)
-        scaled = torch.where(inside, scaled, anywhere)
-        content = torch.cat([scaled * (2 / size) - 1, colours / 2 + 0.5], dim=1)
+        inside = (scaled.amin(1) >= 0) & (scaled.amax(1) < size)  # False for NaN
+        count = inside.sum(dim=1)
+        kept = inside.flatten().nonzero()[:, 0]  # one point in thirty of a zoomed-in view
+        scaled, colours = (x.transpose(0, 1).flatten(1).index_select(1, kept) for x in (scaled, colours))
+        content = torch.cat([scaled * (2 / size) - 1, colours / 2 + 0.5])
 
-        index = _nearest_points(scaled, content, inside, size, radius)  # (b, views, size, size)
-        seen = _look_up(content, index)  # (b, views, 6, size, size)
-        covered = index < points.shape[2]
-        depth = _centred_depth(seen[:, :, :3], covered)[:, :, None]
+        index = _nearest_points(scaled, content, count, points.shape[2].bit_length(), size, radius)
+        content = F.pad(content, (0, 1))  # the last one, which the index -1 is, shows nothing
+        seen = content[:, index].movedim(0, 2)  # (b, views, 6, size, size)
+        depth = _centred_depth(seen[:, :, :3], covered=index >= 0)[:, :, None]
         return torch.cat([seen, depth, _pixel_locations(size, seen).expand_as(seen[:, :, :3])], dim=2)
 
 
-def _nearest_points(scaled: Tensor, content: Tensor, inside: Tensor, size: int, radius: float) -> Tensor:
-    """Index (b, views, size, size) int64 of the point that every pixel shows; n where there is none.
+def _nearest_points(
+    scaled: Tensor, content: Tensor, count: Tensor, index_bits: int, size: int, radius: float
+) -> Tensor:
+    """Index (b, views, size, size) int64 of the point that every pixel shows; -1 where there is none.
 
-    Points are positions (b, 3, n) in voxels, content (b, 6, n) that tells them apart, and whether they exist (b, 1, n).
+    Points are positions (3, m) in voxels and content (6, m) that tells them apart, those of the first sample first; `count`
+    (b,) says how many each sample has.
     """
-    B, _, N = scaled.shape
-    index_bits = N.bit_length()
+    first = count.cumsum(0) - count
+    sample = torch.arange(len(count), device=count.device).repeat_interleave(count)
     low_bits = KEY_BITS - DEPTH_BITS
     tie_bits = low_bits - index_bits
-    mixed = torch.zeros(B, N, dtype=torch.int64, device=content.device)
-    for bits, factor in zip(content.contiguous().view(torch.int32).unbind(1), TIE_BREAKERS, strict=True):
+    mixed = torch.zeros_like(sample)
+    for bits, factor in zip(content.view(torch.int32), TIE_BREAKERS, strict=True):
         mixed.add_(bits, alpha=factor)
     low = ((mixed >> 16) & ((1 << tie_bits) - 1)) << index_bits
-    low |= torch.arange(N, device=low.device)
-    nothing = (1 << KEY_BITS) - 1
-    low.masked_fill_(~inside[:, 0], nothing)  # swallows the depth
+    low |= torch.arange(len(sample), device=low.device) - first[sample]
 
     cells = scaled.long()  # truncation is the floor of what is not negative
     depths = (scaled * (2**DEPTH_BITS / size)).long().clamp_(max=2**DEPTH_BITS - 1)
-    keys = low.new_full((B, len(VIEWS), size**2), nothing)
-    for image, view in zip(keys.unbind(1), VIEWS, strict=True):
-        pixel = _along(cells, view.row, size) * size + _along(cells, view.column, size)
+    nothing = (1 << KEY_BITS) - 1
+    keys = low.new_full((len(VIEWS), len(count) * size**2), nothing)
+    for image, view in zip(keys, VIEWS, strict=True):
+        row, column = _along(cells, view.row, size), _along(cells, view.column, size)
         key = (_along(depths, view.depth, 2**DEPTH_BITS) << low_bits) | low
-        image.scatter_reduce_(1, pixel, key, "amin")
-    keys = _grow(keys.unflatten(2, (size, size)), radius * size / 2, nothing)
-    return (keys & ((1 << index_bits) - 1)).clamp_(max=N)
+        image.scatter_reduce_(0, (sample * size + row) * size + column, key, "amin")
+    keys = _grow(keys.view(len(VIEWS), -1, size, size).transpose(0, 1), radius * size / 2, nothing)
+    index = (keys & ((1 << index_bits) - 1)) + first[:, None, None, None]
+    return index.masked_fill_(keys == nothing, -1)
 
 
 def _along(coordinates: Tensor, axis: int, size: int) -> Tensor:
-    """Integer coordinates (b, n) along a signed axis, of (b, 3, n) in 0 to size - 1."""
-    return size - 1 - coordinates[:, axis - MINUS_X] if axis >= MINUS_X else coordinates[:, axis]
+    """Integer coordinates (m,) along a signed axis, of (3, m) in 0 to size - 1."""
+    return size - 1 - coordinates[axis - MINUS_X] if axis >= MINUS_X else coordinates[axis]
 
 
 def _grow(keys: Tensor, radius_px: float, nothing: int) -> Tensor:
@@ -114,14 +117,6 @@ def _grow(keys: Tensor, radius_px: float, nothing: int) -> Tensor:
                 window = padded[..., width + row :, width + column :][..., :size, :size]
                 keys = torch.minimum(keys, window)
     return keys
-
-
-def _look_up(content: Tensor, index: Tensor) -> Tensor:
-    """Content (b, c, n) of the points that pixels show (b, views, size, size): (b, views, c, size, size)."""
-    rows = F.pad(content, (0, 1)).transpose(1, 2).contiguous()  # the row after the last is nothing
-    first = torch.arange(len(rows), device=index.device) * rows.shape[1]
-    seen = rows.flatten(0, 1).index_select(0, (index + first[:, None, None, None]).flatten())
-    return seen.view(*index.shape, -1).movedim(-1, 2)
 
 
 def _centred_depth(xyz: Tensor, covered: Tensor) -> Tensor:
