@@ -129,15 +129,25 @@ def success_table(table: Any) -> pd.DataFrame:
 
 
 def survival_table(results: Iterable[Scored]) -> pd.DataFrame | None:
-    """How many test episodes real arms would have gone through; None where no result says it."""
+    """How many test episodes real arms would have gone through, of all and of the worst task; None where no result says it."""
     rates = ((each, survival_rate(each.episodes)) for each in results)
-    rows = [_place(each) | {"of": rate} for each, rate in rates if rate is not None]
+    rows = [_place(each) | {"rate": rate.rate} for each, rate in rates if rate is not None]
     if not rows:
         return None
     table: Any = pd.DataFrame(rows)
-    table["policy"] = "`" + table.policy + "`, " + table.protocol
-    shown = table.pivot_table("of", "task", "policy", lambda rates: ", ".join(map(str, rates)))
-    return shown.fillna(ABSENT).rename(index="`{}`".format).rename_axis("task").reset_index()
+    table["protocol"] = pd.Categorical(table.protocol, [*PROTOCOLS])
+    by_task = table.groupby(["policy", "protocol", "task"], observed=True).rate.mean()
+    shown = (
+        by_task.groupby(["policy", "protocol"], observed=True).agg(_survival_cell).unstack(fill_value=ABSENT)
+    )
+    return shown.rename(index="`{}`".format, columns="`{}`".format).rename_axis("policy").reset_index()
+
+
+def _survival_cell(by_task: Any) -> str:
+    """The mean over tasks, and the lowest of several."""
+    *_, task = by_task.idxmin()
+    lowest = f"; `{task}` {by_task.min():.0%}" if len(by_task) > 1 and by_task.min() < 1 else ""
+    return f"{by_task.mean():.1%}{lowest}"
 
 
 def _place(result: Scored) -> dict[str, str]:
