@@ -25,7 +25,7 @@ FAMILIES = {"policy": ("lerobot.policies", "lerobot_policy_"), "env": ("lerobot.
 """Prefix of flags of a config that has several kinds -> LeRobot's package of them, and how the names of plugins begin."""
 CLASS = re.compile(r"^class (\w+).*\n((?:(?: .*)?\n)*)", re.MULTILINE)
 FIELD = re.compile(r"^    (\w+): ", re.MULTILINE)
-KIND = re.compile(r"^@\w+\.register_subclass\(\s*(?:name=)?\"(\w+)\"", re.MULTILINE)
+KIND = re.compile(r"^@\w+\.register_subclass\(\s*(?:name=)?[\"']([^\"']+)", re.MULTILINE)
 
 
 def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
@@ -40,14 +40,14 @@ def check_flags(words: Sequence[str], config: str) -> dict[str, str]:
     """
     given = dict(_assignments(words))
     values = _of_file(given.get("config_path", "")) | given
-    known = {*ALWAYS, *_flags(config)}
+    known = {*_flags(config)}
     for family in FAMILIES:
         kind = _kind(family, values)
         if kind is None or f"{family}.discover_packages_path" in values:
             continue
         if kind not in (kinds := known_kinds(family)):
             raise InvalidChoice(f"--{family}.type", kind, sorted(kinds))
-    for flag in given:
+    for flag in given if known else ():
         section, _, rest = flag.partition(".")
         field = rest.partition(".")[0]
         is_checked = not rest or section in (*SECTIONS, *FAMILIES)
@@ -113,11 +113,13 @@ def _of_file(place: str) -> dict[str, str]:
 
 
 def _flags(config: str) -> Iterator[str]:
-    """Yield the flags of a program, without those of sections that LeRobot alone knows."""
+    """Yield the flags of a program, without those of sections that LeRobot alone knows; none where it has renamed a config."""
+    classes = {name: FIELD.findall(block) for name, block in CLASS.findall(_text("configs"))}
+    if not {config, "PreTrainedConfig", *SECTIONS.values()} <= classes.keys():
+        return
+    yield from (*ALWAYS, *classes[config])
     if config == "TrainPipelineConfig":
         yield KEEP_FLAG
-    classes = {name: FIELD.findall(block) for name, block in CLASS.findall(_text("configs"))}
-    yield from classes[config]
     for section, name in SECTIONS.items():
         yield from (f"{section}.{field}" for field in classes[name])
     yield from (f"policy.{field}" for field in classes["PreTrainedConfig"])

@@ -101,7 +101,7 @@ def test_a_plugin_is_found_by_the_name_of_its_distribution(tmp_path, monkeypatch
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lerobot_policy_foo\nVersion: 0.1\n")
     (source / "__init__.py").touch()
     (source / "configuration_foo.py").write_text(
-        '@PreTrainedConfig.register_subclass("foo")\nclass Foo:\n    width: int\n'
+        "@PreTrainedConfig.register_subclass('foo')\nclass Foo:\n    width: int\n"
     )
     spec = spec_from_file_location("lerobot_policy_foo", source / "__init__.py")
     finder = SimpleNamespace(find_spec=lambda name, *_: spec if name == "lerobot_policy_foo" else None)
@@ -110,6 +110,12 @@ def test_a_plugin_is_found_by_the_name_of_its_distribution(tmp_path, monkeypatch
     lerobot_flags._text.cache_clear()
     check_flags(["--policy.type=foo", "--policy.width=3"], "TrainPipelineConfig")
     lerobot_flags._text.cache_clear()
+
+
+def test_lerobot_decides_on_the_flags_of_configs_that_it_has_renamed(monkeypatch) -> None:
+    monkeypatch.setitem(lerobot_flags.SECTIONS, "dataset", "RenamedConfig")
+    assert check_flags(["--dataset.new=1", "--other=2"], "TrainPipelineConfig")["dataset.new"] == "1"
+    check_flags(["--dataset.new=1"], "RenamedPipelineConfig")
 
 
 def test_lerobots_programs_say_that_it_is_not_installed(monkeypatch, capsys) -> None:
