@@ -27,6 +27,8 @@ Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
 Count = Annotated[int, Field(ge=1, le=10**9 - 1)]
 MAX_CHECKPOINTS = 10_000
 """A larger number is a mistake, and a list of so many steps would fill the memory."""
+MAX_FILE_NAME = 180
+"""File systems allow 255, of which `write_file` needs some for its own."""
 INCIDENTAL = ("num_workers", "wandb.enable", "keep_last")
 """Training options that decide nothing about what is learned."""
 
@@ -78,6 +80,11 @@ class BenchmarkSettings(Record):
         require(self.protocol == name, f"protocol is {self.protocol!r}, but its flags are those of {name!r}")
         few = self.steps <= MAX_CHECKPOINTS * self.save_freq
         require(few, f"save_freq must leave at most {MAX_CHECKPOINTS} checkpoints")
+        length = len(self.file_name)
+        is_short = length <= MAX_FILE_NAME
+        require(
+            is_short, f"the result's file would have a name of {length} letters: name fewer tasks or axes"
+        )
         return self
 
     @property

@@ -204,6 +204,11 @@ def test_names_of_recipes_and_checkpoints_that_would_be_missed_are_refused(progr
     assert resolve(replace(config, train_flags="--keep_last=1", val_episodes=0)).training["keep_last"] == 1
 
 
+def test_tasks_whose_names_are_too_long_for_a_file_are_refused_before_the_training(programs, config):
+    with pytest.raises(BimanualError, match=r"file would have a name of 2\d\d letters"):
+        resolve(replace(config, trained_on="a" * 200, val_episodes=0))
+
+
 def test_protocols_that_differ_in_the_test_alone_share_demonstrations_and_training(programs):
     plans = {
         name: Plan.of(BenchmarkConfig("mine", task=(*each.tasks, "lift_ball")[0], protocol=name))

@@ -11,7 +11,7 @@ import pytest
 
 from lerobot_bimanual import resources
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import move_durably, read_yaml, share_files, write_file
+from lerobot_bimanual.files import UnwritableOutput, move_durably, read_yaml, share_files, write_file
 from lerobot_bimanual.interrupts import end_when_parent_ends, unwound_by_termination
 
 KILLED_WHILE_WRITING = """
@@ -63,6 +63,11 @@ def test_what_a_killed_process_left_is_removed_by_the_next_and_what_others_write
         other.touch()
     write_file(tmp_path / "a[1].json", "new")
     assert {*tmp_path.iterdir()} == {tmp_path / "a[1].json", *others}
+
+
+def test_a_name_that_the_disk_refuses_is_said(tmp_path) -> None:
+    with pytest.raises(UnwritableOutput, match="File name too long; choose another place"):
+        write_file(tmp_path / ("a" * 250), "")
 
 
 def test_files_are_shared_as_the_umask_says(tmp_path) -> None:
