@@ -70,18 +70,17 @@ class Marker(Record):
 
 def start(words: Sequence[str], log: BinaryIO | None = None) -> subprocess.Popen[bytes]:
     """Start a program of this Python environment, which ends when this process does; its output goes into a log, if there is one."""
-    program, *flags = words
     defaults = {
         # No command needs the network: a dataset or policy that is not found here must fail, not be asked for.
         "HF_HUB_OFFLINE": "1",
         # One core is left to environments and the system; threads that wait for each other on a full machine crawl.
         "OMP_NUM_THREADS": str(max(1, usable_cores() - 1)),
     }
-    executable = Path(sys.executable).parent / program
+    places = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
     with interrupts_ignored():  # by the program, so that it is ended below and does not die with a traceback
         return subprocess.Popen(
-            [executable, *flags],
-            env=defaults | os.environ,
+            words,
+            env=defaults | os.environ | {"PATH": places},  # a user's own installation has programs elsewhere
             stdout=log,
             stderr=log,
             preexec_fn=partial(end_when_parent_ends, signal.SIGTERM, os.getpid()),

@@ -76,13 +76,13 @@ class Recipe:
         files = {name: Path(name)} if name.endswith(SUFFIX) else cls.files(policy)
         if name not in files:
             raise InvalidChoice(f"recipe for {policy}", name, files)
+        sections = read_yaml(files[name])
         try:
-            sections = read_yaml(files[name])
             view, type_ = Path(sections["dataset"]["root"]).name, sections["policy"]["type"]
             numbers = [int(sections[each]) for each in ("steps", "batch_size", "save_freq")]
             recipe = cls(files[name], sections, cast("schema.View", view), *numbers)
             recipe.options(image_size=1)  # fails on inputs that LeRobot could not read
-        except (ValueError, TypeError, KeyError, AttributeError, IndexError, BimanualError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
             raise BimanualError(f"{files[name]} is not a recipe of a benchmark: {error!r}") from error
         if view not in schema.VIEWS:
             raise InvalidChoice(f"last folder of dataset.root in {files[name]}", view, get_args(schema.View))

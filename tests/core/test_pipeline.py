@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from lerobot_bimanual.benchmark.config import BenchmarkConfig
-from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
+from lerobot_bimanual.benchmark.pipeline import Command, Pipeline, call
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import Recipe, option_text, option_value
 from lerobot_bimanual.cameras import CAMERA_NAMES
@@ -257,6 +257,16 @@ def test_a_killed_benchmark_takes_its_program_with_it(benchmark):
     process.communicate(timeout=300)  # the program has the other end of the pipes
 
 
+def test_programs_beside_python_come_first_and_those_of_the_path_after(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setenv("PATH", str(tmp_path / "user"))
+    for folder, code in ((tmp_path / "user", 3), (tmp_path, 4)):
+        folder.mkdir(exist_ok=True)
+        (folder / "program").write_text(f"#!/bin/sh\nexit {code}\n")
+        (folder / "program").chmod(0o755)
+        assert call(["program"]) == code
+
+
 INPUTS = """
 dataset: {{repo_id: local/demonstrations, root: data/frames}}
 steps: 4
@@ -314,7 +324,7 @@ def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(in
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("steps: 4", "steps: [4", "is not a recipe"),
+        ("steps: 4", "steps: [4", "parsing a flow sequence"),
         ("save_freq: 2", "", r"is not a recipe.*save_freq"),
         ("keyframes", "images", "is 'images', but must be one of: frames, keyframes"),
         ("{policy}", "theirs", "trains 'theirs', but must train 'mine'"),
