@@ -75,6 +75,8 @@ def run_column(column: Sequence[BenchmarkConfig], lanes: int) -> None:
                     if lane:
                         running[_start(lane[0])] = lane
                 time.sleep(LOOK_S)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("the same command goes on where it stopped") from None
         finally:
             for process in running:
                 end(process)

@@ -205,13 +205,14 @@ def _by_protocol(config: BenchmarkConfig) -> dict[str, Any]:
 
 def _check_several(flags: Mapping[str, Any]) -> None:
     """Refuse what a network for several tasks excludes."""
-    trained_on, variation = flags["trained_on"], flags["variation"]
+    trained_on = flags["trained_on"]
     if not all(name.isidentifier() for name in trained_on.split(",")):
         raise InvalidChoice("trained_on", trained_on, "tasks and suites, separated by commas")
-    if variation != "any" or flags["demos_variation"]:
-        raise BimanualError(
-            f"variation is {variation}, but --trained_on={trained_on} has demonstrations of any: leave it out"
-        )
+    for name, usual in (("variation", "any"), ("demos_variation", "")):
+        if flags[name] != usual:
+            raise BimanualError(
+                f"{name} is {flags[name]}, but --trained_on={trained_on} has demonstrations of any: leave it out"
+            )
 
 
 def _options(config: BenchmarkConfig, flag: str) -> dict[str, Any]:
