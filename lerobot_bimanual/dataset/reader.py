@@ -127,7 +127,7 @@ class _Feature(Record, extra="ignore"):
     """Of a feature of LeRobot, what is read here."""
 
     dtype: str
-    shape: list[PositiveInt]
+    shape: Annotated[list[PositiveInt], Field(min_length=1)]
     info: dict[str, Any] | None = None
 
 

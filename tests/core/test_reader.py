@@ -70,7 +70,13 @@ def test_a_view_is_found_at_the_root_or_below_and_a_folder_without_dataset_is_an
         ({"features": []}, "features"),
         *(
             ({"features": {"observation.images.front": feature}}, r"features\.observation\.images\.front")
-            for feature in ({}, "image", {"dtype": "float32"}, {"dtype": "image", "shape": [0, 8, 3]})
+            for feature in (
+                {},
+                "image",
+                {"dtype": "float32"},
+                {"dtype": "image", "shape": [0, 8, 3]},
+                {"dtype": "image", "shape": []},
+            )
         ),
         ({"fps": 0}, "fps"),
     ],
