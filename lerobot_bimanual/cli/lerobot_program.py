@@ -24,17 +24,20 @@ class Filtered:
     """A stream without dumps, without torchcodec's news, and unless `progress` without LeRobot's bars and reports."""
 
     def __init__(self, stream: TextIO, progress: bool):
-        self.unfiltered, self._progress = stream, progress
+        self.unfiltered, self._progress, self._shows = stream, progress, progress
 
     def write(self, text: str) -> int:
-        """Write a message, above the bars, unless it is none for people."""
+        """Write a message, above the bars, unless it is none for people; the end of a line goes with its line."""
         from tqdm import tqdm
 
         is_bar = text.startswith(("\r", "\x1b", "\n"))
         is_dump = text.count("\n") > MAX_LINES or "torchcodec" in text
-        if is_bar and self._progress:
+        if text != "\n":  # which `print` writes by itself
+            is_message = not (is_bar or is_dump or text.startswith("INFO"))
+            self._shows = is_message or (self._progress and (is_bar or not is_dump))
+        if self._shows and is_bar:
             self.unfiltered.write(text)
-        elif not is_dump and (self._progress or not (is_bar or text.startswith("INFO"))):
+        elif self._shows:
             with tqdm.external_write_mode(self.unfiltered):
                 self.unfiltered.write(text)
         return len(text)

@@ -1,6 +1,7 @@
 """The command line: groups of commands, their help, exit codes, flags, and one line for every mistake."""
 
 import dataclasses
+import io
 import json
 import os
 import re
@@ -9,12 +10,13 @@ import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, field_comments, flags_of, parse_flags
+from lerobot_bimanual.cli.lerobot_program import Filtered
 from lerobot_bimanual.interrupts import signal_handled
 
 COMMAND = '''
@@ -129,6 +131,17 @@ def test_ascii_terminals_and_closed_pipes_cause_no_traceback(name, reader, shown
     env = os.environ | {"PYTHONPATH": str(tmp_path), "PYTHONIOENCODING": "ascii", "PYTHONUNBUFFERED": ""}
     child = subprocess.run(["bash", "-c", program], capture_output=True, env=env, check=False)
     assert (child.stdout, child.stderr, child.returncode) == (shown, b"", code)
+
+
+@pytest.mark.parametrize(
+    ("progress", "shown"), [(False, "one\nthree\n"), (True, "one\nINFO two\n\r 50%|\nthree\n")]
+)
+def test_what_a_program_of_lerobot_prints_stays_in_lines(progress, shown):
+    stream = io.StringIO()
+    filtered: Any = Filtered(stream, progress)
+    for text in ("one", "INFO two", "\r 50%|", "1\n2\n3\n4\n5", "three"):
+        print(text, file=filtered)
+    assert stream.getvalue() == shown
 
 
 def test_installed_commands_show_their_help_without_loading_lerobot_or_torch():
