@@ -14,7 +14,7 @@ import stat
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.errors import BimanualError, DatasetError, plain
 from lerobot_bimanual.files import read_file, sha256, write_file
 
 CHECKSUMS_FILE = Path("meta", "SHA256SUMS")
@@ -66,15 +66,15 @@ def checksum_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[
         return
     for name in sorted((listed.keys() | found.keys()) - {path.as_posix() for path in rewritten}):
         if name not in listed:
-            yield f"{_shown(name)} does not belong here: {CHECKSUMS_FILE} does not list it"
+            yield f"{plain(name)} does not belong here: {CHECKSUMS_FILE} does not list it"
         elif name not in found:
-            yield f"{_shown(name)} is missing"
+            yield f"{plain(name)} is missing"
         else:
             try:
                 if sha256(found[name]) != listed[name]:
-                    yield f"{_shown(name)} has changed since it was written"
+                    yield f"{plain(name)} has changed since it was written"
             except OSError as error:
-                yield f"{_shown(name)} cannot be read ({error.strerror})"
+                yield f"{plain(name)} cannot be read ({error.strerror})"
 
 
 def _read(path: Path) -> dict[str, str]:
@@ -109,12 +109,8 @@ def plain_files(root: Path) -> tuple[dict[str, Path], list[str]]:
             if stat.S_ISREG(mode) or is_blob:
                 files[name] = path
             elif stat.S_ISLNK(mode):
-                problems.append(f"{_shown(name)} is a link, and no dataset needs one: it is not followed")
+                problems.append(f"{plain(name)} is a link, and no dataset needs one: it is not followed")
             elif not stat.S_ISDIR(mode):
-                problems.append(f"{_shown(name)} is neither a file nor a folder")
-    problems += [f"{_shown(str(error.filename))} cannot be read ({error.strerror})" for error in unreadable]
+                problems.append(f"{plain(name)} is neither a file nor a folder")
+    problems += [f"{plain(str(error.filename))} cannot be read ({error.strerror})" for error in unreadable]
     return files, sorted(problems)
-
-
-def _shown(name: str) -> str:
-    return name if name.isprintable() else repr(name)

@@ -81,7 +81,7 @@ def line(name: str) -> str:
         (lambda text: text + line("../secret").encode(), "../secret is missing"),
         (lambda text: text.upper(), "line 1 is not a hash"),
         (lambda text: b"x" * (2**26 + 1), "exceeds the limit of 65536 kB"),
-        (lambda text: text + line("a\tb").encode(), r"'a\\tb' is missing"),
+        (lambda text: text + line("a\tb").encode(), r"^a\\tb is missing"),
     ],
 )
 def test_a_list_that_is_damaged_or_leads_elsewhere_is_named(published, change, problem) -> None:
