@@ -30,8 +30,6 @@ VALUE_NAMES: dict[Any, str] = {bool: "true|false", str: "text", Path: "path"}
 MEANINGS: dict[Any, str] = {int: "an integer", float: "a number", bool: "true or false"}
 HELP_COLUMN = 28
 MAX_HELP_WIDTH = 110
-EMPTY = (None, "", ())
-"""Defaults that say nothing by themselves."""
 FIELD = re.compile(r"    (\w+): .*?(?:  # (.*))?")
 COMMENT = re.compile(r"    # (.*)")
 
@@ -127,7 +125,7 @@ def _help(flag: Flag, comments: Mapping[str, str]) -> str:
     comment, default = comments.get(flag.name, ""), flag.default
     if default is dataclasses.MISSING:
         return f"{comment} (required)"
-    if default in EMPTY:
+    if default in (None, "", ()):
         return comment if "by default" in comment.lower() else f"{comment} (default: none)"
     text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
     return f"{comment} (default: {text.lower() if isinstance(default, bool) else text})"

@@ -140,11 +140,10 @@ def check_gl() -> Iterator[Finding]:
     command = [sys.executable, "-c", RENDER_8X8]
     try:
         child = subprocess.run(command, capture_output=True, text=True, check=True, timeout=RENDER_TIMEOUT_S)
+        yield Finding("OpenGL", "ok", child.stdout.strip())
     except subprocess.TimeoutExpired:
-        problem = f"no image within {RENDER_TIMEOUT_S} s; perhaps with another GPU, MUJOCO_EGL_DEVICE_ID=1"
+        hint = "perhaps with another GPU, MUJOCO_EGL_DEVICE_ID=1"
+        yield Finding("OpenGL", "fail", f"no image within {RENDER_TIMEOUT_S} s; {hint}")
     except subprocess.CalledProcessError as error:
         problem = (error.stderr.strip().splitlines() or [f"the process ended with {error.returncode}"])[-1]
-    else:
-        yield Finding("OpenGL", "ok", child.stdout.strip())
-        return
-    yield Finding("OpenGL", "fail", problem.removeprefix("lerobot_env_bimanual.gl.MissingGL: "))
+        yield Finding("OpenGL", "fail", problem.removeprefix("lerobot_env_bimanual.gl.MissingGL: "))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from collections import Counter
 from importlib.metadata import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -43,11 +42,7 @@ def write_card(root: Path, repo_id: str) -> None:
     if provenance is None:
         raise DatasetError(f"{root} has no provenance, so there is nothing to write a card from")
     info, fractions = read_info(root), provenance.settings.get("intermediate")
-    counts = Counter((key.task, key.variation) for key in provenance.episodes)
-    rows = [
-        {"task": task, "variation": variation, "episodes": count}
-        for (task, variation), count in sorted(counts.items())
-    ]
+    keys = pd.DataFrame({"task": key.task, "variation": key.variation} for key in provenance.episodes)
     text = render(
         "lerobot_bimanual.dataset",
         "card.md",
@@ -56,7 +51,7 @@ def write_card(root: Path, repo_id: str) -> None:
         info=info,
         provenance=provenance,
         intermediate=fractions if isinstance(fractions, list | tuple) else (),  # of any file that was found
-        episodes=pd.DataFrame(rows),
+        episodes=keys.value_counts(sort=False).reset_index(name="episodes"),
         columns=_columns(info, provenance.view),
         depth=any(map(is_depth, info["features"].values())),
         schema=schema,

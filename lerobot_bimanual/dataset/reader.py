@@ -76,15 +76,16 @@ class RecordedDataset:
     def __init__(self, root: str | Path):
         self.root = Path(root)
         self.info = read_info(self.root)
-        check_features(self.info["features"], self.root)
-        images = {k: f for k, f in self.info["features"].items() if f["dtype"] in IMAGE_TYPES}
-        self.view: View = view_of(self.info["features"])
-        colours = [key for key, feature in images.items() if not is_depth(feature)]
+        features = self.info["features"]
+        check_features(features, self.root)
+        self.view: View = view_of(features)
+        images = {key: each for key, each in features.items() if each["dtype"] in IMAGE_TYPES}
+        colours = [key for key, each in images.items() if not is_depth(each)]
         self.cameras = tuple(key.removeprefix(schema.IMAGE_PREFIX) for key in colours)
-        self.calibration = Calibration.of_features(self.info["features"])
+        self.calibration = Calibration.of_features(features)
         self.provenance = Provenance.of_dataset(self.root)
         columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index"]
-        self._index, self._types = episode_table(self.root, columns), column_types(self.info["features"])
+        self._index, self._types = episode_table(self.root, columns), column_types(features)
 
     def __len__(self) -> int:
         """Number of episodes."""
