@@ -87,9 +87,8 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
     Rejecting those at most 0.05 rejects a true hypothesis, any of them, in at most one family of twenty.
     """
-    ranked = sorted(range(len(p_values)), key=lambda index: p_values[index])
-    corrected, largest = [0.0] * len(p_values), 0.0
-    for rank, index in enumerate(ranked):
-        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
-        corrected[index] = largest
-    return corrected
+    given = np.array(p_values, dtype=float)
+    order, corrected = np.argsort(given), np.empty_like(given)
+    times = np.arange(len(given), 0, -1)
+    corrected[order] = np.maximum.accumulate(np.minimum(1.0, times * given[order]))
+    return corrected.tolist()
