@@ -124,14 +124,7 @@ def repo_id_of(given: str | None, root: Path) -> str:
 
 
 class Origin(Record):
-    """What decides every byte of a dataset; its provenance says it, too.
-
-    Attributes:
-        schema_version: version of the feature table.
-        settings: what was asked for, by option name.
-        versions: package -> version with which it was made.
-        worlds: task -> version of the world in which its episodes are played.
-    """
+    """What decides every byte of a dataset; `Provenance` has it, too, and explains it."""
 
     schema_version: int
     settings: dict[str, Any]
