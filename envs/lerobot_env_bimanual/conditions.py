@@ -47,15 +47,10 @@ def _shown(value: object) -> str:
 
 @dataclass(frozen=True)
 class OnTheWay(Condition):
-    """A condition about all ticks so far; called with a scene, it judges the present tick alone.
-
-    Attributes:
-        parts: conditions of one tick.
-        word: how `name` joins them.
-    """
+    """A condition about all ticks so far, made of conditions of one tick; called with a scene, it judges the present one alone."""
 
     parts: tuple[Condition, ...]
-    word: ClassVar[str]
+    word: ClassVar[str]  # joins the names of the parts
 
     @functools.cached_property
     def name(self) -> str:

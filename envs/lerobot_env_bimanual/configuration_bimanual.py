@@ -40,9 +40,9 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         super().__post_init__()
         if self.fps != CONTROL_HZ:
             raise InvalidChoice("fps", self.fps, [str(CONTROL_HZ)])
-        for task in self.tasks:
-            get_task(task).spec.variation_index(self.variation)
         counts = Counter(task for tasks in self.groups.values() for task in tasks)
+        for task in counts:
+            get_task(task).spec.variation_index(self.variation)
         if shared := [task for task, count in counts.items() if count > 1]:
             raise InvalidChoice("task", self.task, f"suites and tasks that share no task, as these {shared}")
         action_dim = KEYPOSE_DIM if self.control_mode == "keypose" else JOINT_ACTION_DIM
@@ -60,11 +60,6 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
         return {name: resolve_tasks(name) for name in map(str.strip, (self.task or "").split(","))}
-
-    @property
-    def tasks(self) -> tuple[str, ...]:
-        """Names of the selected tasks."""
-        return tuple(dict.fromkeys(task for tasks in self.groups.values() for task in tasks))
 
     @property
     def gym_kwargs(self) -> dict[str, Any]:
@@ -94,11 +89,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
     def make_vector_env(
         self, task: str, n_envs: int, use_async_envs: bool, evaluation: Evaluation
     ) -> gym.vector.VectorEnv:
-        """The vector environment of one of the tasks; if asynchronous, each environment has a process of its own.
-
-        Raises:
-            BimanualError: `results_dir` holds another evaluation of the task.
-        """
+        """The vector environment of one of the tasks; if asynchronous, each environment has a process of its own."""
         from lerobot_env_bimanual.env import BimanualEnv
         from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 

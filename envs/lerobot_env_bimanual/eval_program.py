@@ -28,14 +28,14 @@ def _check(values: Mapping[str, str]) -> None:
             "--policy.path=FOLDER is missing: the folder `pretrained_model` of a trained policy"
         )
     for name in ("eval.n_episodes", "eval.batch_size"):
-        if not values.get(name, "1").isdecimal() or not int(values.get(name, "1")):
-            raise InvalidChoice(f"--{name}", values[name], "an integer of at least 1")
+        given = values.get(name, "1")
+        if not given.isdecimal() or not int(given):
+            raise InvalidChoice(f"--{name}", given, "an integer of at least 1")
     if values.get("env.type") == "bimanual":
         from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
-        options = [field.name for field in fields(EnvOptions)]
-        given = [name for name in options if f"env.{name}" in values]
-        parse_flags(EnvOptions, [f"--{name}={values[f'env.{name}']}" for name in given])
+        texts = {each.name: values.get(f"env.{each.name}") for each in fields(EnvOptions)}
+        parse_flags(EnvOptions, [f"--{name}={text}" for name, text in texts.items() if text is not None])
         for task in resolve_tasks(values.get("env.task", "push_box")):
             get_task(task).spec.variation_index(values.get("env.variation", ANY_VARIATION))
 

@@ -46,8 +46,7 @@ class EnvOptions:
     `image_size` as `(height, width)` and folders as paths.
 
     Raises:
-        InvalidChoice: the scene has no such camera.
-        InvalidChoice: another option is outside its choices.
+        InvalidChoice: an option is outside its choices.
     """
 
     # Index of the variation of every episode, or `any` to draw one per episode.

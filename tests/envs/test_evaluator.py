@@ -118,28 +118,22 @@ def test_an_accident_is_an_error_that_names_its_episode_and_all_others_are_kept(
         assert len(running.play([specs[0], specs[2]], "playing")) == 2
 
 
-def test_the_log_forgets_episodes_of_other_versions(tmp_path):
-    path = tmp_path / "some" / "log.jsonl"
-    log = EpisodeLog(path)
-    log.keep(FIRST, outcome())
-    log.keep(SECOND, outcome(success=False))
-    assert EpisodeLog(path).get(SECOND) == outcome(success=False)
-    header, _, lines = path.read_text().partition("\n")
-    path.write_text(header.replace('"mujoco": "3', '"mujoco": "2') + "\n" + lines)
-    assert EpisodeLog(path).get(FIRST) is None
-    log.remove()
-    assert not path.exists()
-
-
-def test_the_log_forgets_episodes_of_another_packages_task_whose_file_has_changed(tmp_path, monkeypatch):
-    (tmp_path / "their_task.py").write_text("MASS_KG = 1")
+def test_the_log_forgets_episodes_of_other_versions_and_of_another_packages_changed_task(
+    tmp_path, monkeypatch
+):
+    path, theirs = tmp_path / "some" / "log.jsonl", tmp_path / "their_task.py"
+    theirs.write_text("MASS_KG = 1")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(TASKS.modules, "their_task", "their_task")
-    path = tmp_path / "log.jsonl"
-    EpisodeLog(path).keep(FIRST, outcome())
-    assert EpisodeLog(path).get(FIRST) == outcome()
-    (tmp_path / "their_task.py").write_text("MASS_KG = 2")
-    assert EpisodeLog(path).get(FIRST) is None
+    for file, old, new in ((path, '"mujoco": "3', '"mujoco": "2'), (theirs, "1", "2")):
+        log = EpisodeLog(path)
+        log.keep(FIRST, outcome())
+        log.keep(SECOND, outcome(success=False))
+        assert EpisodeLog(path).get(SECOND) == outcome(success=False)
+        file.write_text(file.read_text().replace(old, new))
+        assert EpisodeLog(path).get(FIRST) is None
+    log.remove()
+    assert not path.exists()
 
 
 @pytest.mark.parametrize("damage", ["{", "[]", '{"spec": "a"}', "\xff", ""])

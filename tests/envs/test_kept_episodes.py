@@ -160,7 +160,7 @@ def episode() -> Episode:
 def verifier():
     verifier = EpisodeVerifier("lift_ball", {"split": "test", "max_keyposes": 25})
     yield verifier
-    verifier.close()
+    verifier.env.close()
 
 
 @pytest.mark.slow
@@ -171,7 +171,7 @@ def test_an_experts_episode_of_every_task_replays_as_recorded(task):
     assert episode.first_met_tick is not None
     verifier = EpisodeVerifier(task, {"split": "test"})
     assert verifier.differences(episode) == verifier.differences(episode) == []
-    verifier.close()
+    verifier.env.close()
 
 
 def with_actions(episode: Episode, change) -> Episode:

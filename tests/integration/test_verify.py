@@ -1,7 +1,6 @@
 """A generated dataset passes every check, and each corruption is found by the check that is meant for it."""
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import corruptions as c
@@ -21,10 +20,8 @@ from lerobot_env_bimanual.verification.verifier import Verifier, check_files
 
 
 @pytest.fixture(scope="module")
-def player() -> Iterator[Player]:
-    player = Player()
-    yield player
-    player.close()
+def player() -> Player:
+    return Player()
 
 
 def findings(root: Path, check: str, player: Player) -> dict[str, str]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.cli import main
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.rendering import film as films
 
 CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
@@ -42,6 +43,14 @@ def test_a_video_shows_the_perturbation_that_its_name_says() -> None:
     names = [f"lift_ball_v0_test_seed0_varied_{perturb}expert.mp4" for perturb in ("", "arm_late1_light3_")]
     nominal, dark = (frames(Path("films") / name)[0].mean((0, 1)) for name in names)
     assert np.abs(nominal - dark).max() > 5
+
+
+def test_a_second_film_of_an_episode_is_turned_and_zoomed_like_the_first() -> None:
+    env = BimanualEnv("lift_ball", obs="state")
+    rollouts = {"expert": films.rollout(env, 3, lambda _: iter(()))}
+    first, second = (frames(films.write_film(env, rollouts, Path(name))) for name in ("first", "second"))
+    assert np.array_equal(first, second)
+    env.close()
 
 
 @pytest.mark.slow

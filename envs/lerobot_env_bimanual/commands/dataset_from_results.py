@@ -46,7 +46,6 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
         lerobot-bimanual dataset from-results --results=outputs/records --outcome=solved --view=frames --root=data/solved
     """
     from lerobot_bimanual.dataset.checksums import write_checksums
-    from lerobot_bimanual.dataset.merging import merge_datasets
     from lerobot_bimanual.dataset.schema import VIEWS
     from lerobot_bimanual.files import move_durably
     from lerobot_bimanual.results.record import result_paths
@@ -73,6 +72,9 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     wanted = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
     with plain_write_errors(config.root):
         config.root.absolute().parent.mkdir(parents=True, exist_ok=True)
+
+    from lerobot_bimanual.dataset.merging import merge_datasets  # LeRobot and torch take seconds
+
     with plain_write_errors(config.root), new_folder(config.root.absolute().parent) as folder:
         jobs = list[Part]()
         for record in (result.record for result in results):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -122,8 +121,9 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
             with executor as record:
                 reports = build_dataset(staging, record)
         except KeyboardInterrupt:
-            print(f"\nfinished shards stay in {staging.folder}; the same command goes on", file=sys.stderr)
-            raise
+            raise KeyboardInterrupt(
+                f"finished shards stay in {staging.folder}; the same command goes on"
+            ) from None
     skipped = [seed for report in reports for seed in report.skipped]
     minutes = (time.monotonic() - start_s) / 60
     megabytes = sum(path.stat().st_size for path in root.rglob("*") if path.is_file()) / 1e6

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from lerobot_bimanual.errors import check_range
 from lerobot_bimanual.files import check_output_folder
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import STANDARD
 
@@ -79,9 +80,9 @@ def task_view(config: TaskViewConfig) -> None:
         episode = f"{env.task}_v{env.variation}_{config.split}_seed{seed}"
         name = "_".join(filter(None, (episode, setting, perturb, "_and_".join(players))))
         film = write_film(env, rollouts, config.output / name, config.camera)
-        for name, (recording, outcome) in rollouts.items():
-            verdict = "solved" if outcome.success else f"not solved: {outcome.failure}"
-            print(f"{name}: {verdict} after {recording.duration_s:.1f} s")
+        for name, played in rollouts.items():
+            verdict = "solved" if played.outcome.success else f"not solved: {played.outcome.failure}"
+            print(f"{name}: {verdict} after {played.outcome.ticks / CONTROL_HZ:.1f} s")
         print(film)
     env.close()
     show_next("lerobot-bimanual", "dataset", "generate", f"--task={env.task}", f"--root=data/{env.task}")

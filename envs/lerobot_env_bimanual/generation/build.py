@@ -92,11 +92,8 @@ def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
 
 def _provenance(staging: Staging, view: View, reports: Sequence[ShardReport]) -> Provenance:
     return Provenance(
-        schema_version=staging.origin.schema_version,
+        **dict(staging.origin),
         view=view,
-        versions=staging.origin.versions,
-        worlds=staging.origin.worlds,
-        settings=staging.origin.settings,
         command=staging.settings.command(staging.root.name),
         episodes=tuple(episode for report in reports for episode in report.episodes),
         skipped=tuple(seed for report in reports for seed in report.skipped),

@@ -25,24 +25,14 @@ MIN_FAILURES_ALLOWED = 20
 
 @dataclass(frozen=True)
 class Shard:
-    """Candidates that one process tries, one after the other; all of one task.
-
-    Attributes:
-        name: folder of the shard, in the order of the episodes.
-        candidates: what is tried.
-    """
+    """Candidates of one task that one process tries in turn; its folder's name is in the order of the episodes."""
 
     name: str
     candidates: tuple[EpisodeKey, ...]
 
 
 class ShardReport(Record):
-    """What became of a shard's candidates.
-
-    Attributes:
-        episodes: those that the expert solved, in the order of the shard's episodes.
-        skipped: the others, with the reason.
-    """
+    """What became of a shard's candidates: those that the expert solved, in order, and the others with the reason."""
 
     episodes: tuple[EpisodeKey, ...]
     skipped: tuple[SkippedSeed, ...]

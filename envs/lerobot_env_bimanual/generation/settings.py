@@ -23,26 +23,14 @@ Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
 class GenerationSettings(Record):
-    """Options of one dataset, valid by construction.
+    """Options of one dataset, valid by construction; `DatasetGenerateConfig` explains those of the same name.
 
     Attributes:
         tasks: task names, in the order of the episodes.
-        variation: index, or several separated by commas for equal shares of them, or "any" for those of all variations.
-        episodes: number of episodes per task.
-        split: split of the seeds.
-        first_seed: seed of each task's first episode.
         views: views to store.
-        cameras: cameras whose images are stored.
         height: image height in pixels.
         width: image width in pixels.
         depth: whether every camera's depth is stored beside its colours; None for the view `keyframes` alone.
-        intermediate: fractions of each stage's motion at which the view `keyframes` has another row.
-        discretise: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
-        episodes_per_shard: episodes per file of the dataset.
-        repo_id: LeRobot's name of the dataset.
-        perturb: what is perturbed, `AXIS:LEVEL,...`; empty for nominal episodes.
-        setting: of the episodes.
-        plans: "several" for demonstrations of the same scenes by each of a task's plans; see `lerobot_env_bimanual.experts.plans`.
 
     Raises:
         BimanualError: a task or variation does not exist; the message lists the choices.
@@ -136,14 +124,7 @@ def repo_id_of(given: str | None, root: Path) -> str:
 
 
 class Origin(Record):
-    """What decides every byte of a dataset; its provenance says it, too.
-
-    Attributes:
-        schema_version: version of the feature table.
-        settings: what was asked for, by option name.
-        versions: package -> version with which it was made.
-        worlds: task -> version of the world in which its episodes are played.
-    """
+    """What decides every byte of a dataset; `Provenance` has it, too, and explains it."""
 
     schema_version: int
     settings: dict[str, Any]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -32,40 +32,27 @@ ROOM_M = 0.16
 """Around hands and things that a frame leaves."""
 
 
-@dataclass
-class Recording:
-    """States of an episode while it is played.
+@dataclass(frozen=True)
+class Rollout:
+    """An episode that was played: what became of it, its states before every tick and the last one, and the keyposes until each."""
 
-    Attributes:
-        states: states before every tick, and the last one.
-        keyposes: number of keyposes completed in each of these states.
-    """
-
-    states: list[SceneState] = field(default_factory=list)
-    keyposes: list[int] = field(default_factory=list)
-
-    def note(self, env: BimanualEnv) -> None:
-        """Append the state at hand."""
-        self.states.append(env.scene.save_state())
-        self.keyposes.append(env.progress.keyposes)
-
-    @property
-    def duration_s(self) -> float:
-        """Length of the episode."""
-        return (len(self.states) - 1) * TICK_S
-
-
-type Rollout = tuple[Recording, EpisodeOutcome]
-"""States of an episode, and what became of it."""
+    outcome: EpisodeOutcome
+    states: Sequence[SceneState]
+    keyposes: Sequence[int]
 
 
 def rollout(env: BimanualEnv, seed: int, player: Player) -> Rollout:
     """Play an episode as `run_episode` does, and keep every state of it."""
-    recording = Recording()
-    with env.observed_by(lambda env, _: recording.note(env)):
+    states, keyposes = list[SceneState](), list[int]()
+
+    def note(env: BimanualEnv, _: object = None) -> None:
+        states.append(env.scene.save_state())
+        keyposes.append(env.progress.keyposes)
+
+    with env.observed_by(note):
         outcome = run_episode(env, seed, player)
-    recording.note(env)
-    return recording, outcome
+    note(env)
+    return Rollout(outcome, states, keyposes)
 
 
 def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, camera: str = "front") -> Path:
@@ -83,33 +70,31 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
     Raises:
         BimanualError: it cannot be written, or not be rendered.
     """
-    view, (_, outcome) = {}, next(iter(rollouts.values()))
+    view, outcome = {}, next(iter(rollouts.values())).outcome
     name = f"{env.task} v{outcome.variation} {env.options.split} seed{outcome.seed}"
-    recordings = [recording.states for recording, _ in rollouts.values()]
+    played = [episode.states for episode in rollouts.values()]
     # A perturbed camera shows what it sees.
-    if camera in ROOM_CAMERA_NAMES and "cam_quat" not in env.scene.appearance.fields:
-        seen = [state for states in recordings for state in (*states[::FRAMED_TICKS], states[-1])]
+    if camera in ROOM_CAMERA_NAMES and "cam_quat" not in played[0][0].appearance.fields:
+        seen = [state for states in played for state in (*states[::FRAMED_TICKS], states[-1])]
         view = frame_of(env.scene, camera, seen, SIZE)
     with Renderer(env.scene, (camera,), *SIZE, env.options.render_quality) as renderer:
 
         @lru_cache(2 * len(rollouts))
         def picture(player: str, tick: int) -> NDArray[np.uint8]:
             """The scene at a tick; at the last one with the verdict."""
-            recording, episode = rollouts[player]
-            env.scene.restore_state(recording.states[tick])
+            episode = rollouts[player]
+            env.scene.restore_state(episode.states[tick])
             env.scene.appearance = env.scene.appearance.wearing(**view)
             rgb, _ = renderer.render()[camera]
-            caption = f"{name} {player}, {tick * TICK_S:.1f} s, keypose {recording.keyposes[tick]}"
-            is_last, verdict = tick == len(recording.states) - 1, "success" if episode.success else "failure"
+            caption = f"{name} {player}, {tick * TICK_S:.1f} s, keypose {episode.keyposes[tick]}"
+            verdict = "success" if episode.outcome.success else "failure"
+            is_last = tick == len(episode.states) - 1
             return captioned(rgb, caption, verdict if is_last else "")
 
         writer = VideoWriter(stem.parent, stem.name)
-        for tick in range(max(map(len, recordings))):
-            writer.add(
-                np.hstack(
-                    [picture(each, min(tick, len(it.states) - 1)) for each, (it, _) in rollouts.items()]
-                )
-            )
+        for tick in range(max(map(len, played))):
+            ticks = [min(tick, len(states) - 1) for states in played]
+            writer.add(np.hstack([*map(picture, rollouts, ticks)]))
         film = writer.close("", name=f"{stem.name}.mp4")
     assert film is not None  # an episode has at least one state
     return film

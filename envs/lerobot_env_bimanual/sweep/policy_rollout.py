@@ -33,7 +33,7 @@ class PolicyRollout:
 
     Args:
         checkpoint: checkpoint of the policy; what it names is built and run, as `lerobot-eval` does.
-        config: the nominal environment; its `perturb` and `results_dir` are set for each condition.
+        config: the nominal environment, of one task; its `perturb` and `results_dir` are set for each condition.
         batch_size: environments side by side.
         seeds: consecutive seeds of every condition; the first is also that of the policy's own randomness, as `--seed` of
             `lerobot-eval` is.
@@ -90,11 +90,10 @@ class PolicyRollout:
         """
         seeds = self._seeds
         config = replace(self._config, perturb=perturb, results_dir=str(records))
-        path = records / record_name(config.tasks[0], config)
+        ((task,),) = config.groups.values()
+        path = records / record_name(task, config)
         set_rng_state(self._random_state)
-        env = config.make_vector_env(
-            config.tasks[0], self._batch_size, use_async_envs=True, evaluation=self._evaluation
-        )
+        env = config.make_vector_env(task, self._batch_size, use_async_envs=True, evaluation=self._evaluation)
         autocast = torch.autocast(self._device.type) if self._uses_amp else nullcontext()
         try:
             with torch.no_grad(), autocast:

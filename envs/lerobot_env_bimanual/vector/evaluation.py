@@ -193,7 +193,7 @@ class KeptEpisodes:
     def _refuse(self, path: Path, difference: str | None) -> None:
         if difference is not None:
             raise BimanualError(
-                f"{path} is of another evaluation: {difference}; choose another folder (--env.results_dir), or remove the file"
+                f"{path} is of another evaluation: {difference}; choose another results_dir, or remove the file"
             )
 
 

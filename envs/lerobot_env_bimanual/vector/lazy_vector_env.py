@@ -258,10 +258,6 @@ class LazyVectorEnv(VectorEnv):
         """Get an attribute of every environment."""
         return self._ask(lambda envs: envs.get_attr(name))
 
-    def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute of every environment."""
-        self._ask(lambda envs: envs.set_attr(name, values))
-
     def close(self, **kwargs: Any) -> None:
         """Close the environments and end their processes, dead ones included."""
         if isinstance(envs := self._running, AsyncVectorEnv) and not all(

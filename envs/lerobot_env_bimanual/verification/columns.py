@@ -51,11 +51,6 @@ class Player:
             self._last = which, episode
         return self._last[1]
 
-    def close(self) -> None:
-        """Free the world and its images."""
-        self._recorder.close()
-        self._last = None
-
 
 def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demonstration) -> Iterator[Fault]:
     """Where the columns of an episode are not, bit for bit, those of the same episode played again."""

@@ -57,10 +57,6 @@ class EpisodeVerifier:
             return [f"not over after its {len(actions)} actions, {ticks[-1]} ticks"]
         return [*_differences(episode, info[PLAYED], ticks)]
 
-    def close(self) -> None:
-        """Free the simulation."""
-        self.env.close()
-
 
 def verify_episodes(
     record: EvaluationRecord, episodes: Sequence[Episode], pool: WorkerPool

@@ -12,12 +12,7 @@ READABLE = "readable"
 
 @dataclass(frozen=True)
 class Fault:
-    """Something wrong.
-
-    Attributes:
-        text: what was found, and what was expected.
-        row: row of the episode, `None` if it concerns all of it.
-    """
+    """Something wrong: what was found and what was expected; with the row of the episode unless it concerns all of it."""
 
     text: str
     row: int | None = None
