@@ -204,7 +204,7 @@ def test_where_a_dataset_tells_no_horizon_the_flag_is_named(make_policy, stats):
         make_policy(dataset_stats=stats, keypose_horizon=None)
 
 
-def test_whoever_is_not_told_the_keyposes_so_far_does_not_need_them(make_policy, make_batch):
+def test_a_policy_that_is_not_told_the_keyposes_so_far_does_not_need_them(make_policy, make_batch):
     policy = make_policy(use_keypose_step=False, keypose_horizon=None)
     told = make_batch()
     action = policy.select_action({key: value for key, value in told.items() if key != KEYPOSE_STEP})
