@@ -35,7 +35,7 @@ def render_views(
     lies behind it. Among equally deep points a hash of position and colour of about 20 bits decides; only if
     that is equal too, the order of the points. Points outside the workspace vanish, NaN included.
 
-    RVT's renderer blends the five nearest points of a pixel; here the nearest one stands alone. The images
+    RVT's renderer blends the five nearest points of a pixel; here only the nearest one is shown. The images
     always span the workspace (RVT's `place_with_mean=False`), so that nothing but the scene moves them.
 
     Args:
