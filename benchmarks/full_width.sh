@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The network at its full width (66 million parameters) learns four demonstrations by heart, and then plays their placements, all by
-# LeRobot's own lerobot-train and lerobot-eval. Repeated, it goes on where it stopped; with more STEPS, training goes on.
+# LeRobot's own lerobot-train and lerobot-eval, which print the loss every 20 steps and at the end how many were solved.
+# Repeated, it goes on where it stopped; with more STEPS, training goes on.
 # Flags go to a new training as they are:
 #
 #     DEVICE=cuda STEPS=2400 benchmarks/full_width.sh --policy.dtype=bfloat16
@@ -35,3 +36,4 @@ find "$folder/checkpoints" -mindepth 1 -type d -prune ! -name "$(trained)" -exec
 lerobot-eval --policy.path="$last/pretrained_model" --policy.device="$DEVICE" --seed=0 \
     --env.type=bimanual --env.task="$TASK" --env.image_size=128 --env.split=train \
     --eval.n_episodes=4 --eval.batch_size=4 --eval.use_async_envs=false --output_dir="$OUT/eval$(trained)"
+echo "next: TASK=$TASK DEVICE=$DEVICE VOXELS=$VOXELS OUT=$OUT STEPS=$((2 * STEPS)) $0"

@@ -25,9 +25,8 @@ def observe(dataset: LeRobotDataset, index: int) -> dict:
     RGB (3, h, w) from 0 to 1 and depth (1, h, w) in millimetres of each camera, five world_T_camera and five pinhole
     matrices as flat vectors, joints and openings (16,), finger positions (4,), and how many keyposes have been executed.
     """
-    return batch_of(
-        dataset, [index]
-    )  # a batch of one row, with the calibration that its metadata hold for all
+    # A batch of one row, with the calibration that the dataset's metadata hold for all.
+    return batch_of(dataset, [index])
 
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -1,4 +1,4 @@
-"""Record a dataset with all machines of a ray cluster: `dataset generate`, but for who records the shards.
+"""Record a dataset with all machines of a ray cluster: `dataset generate`, whose shards other machines record.
 
 pip install 'ray>=2.40'                # the same version on every machine, in a clone of the same commit
 RAY_ADDRESS=10.0.0.1:6379 python examples/11_ray_cluster.py --task=all --root=data/all

@@ -21,7 +21,7 @@ def main() -> None:
         if task in resolve_tasks(arguments.task):
             solved, but_for_the_way = tally(task, Arm(arm), seeds)
             text = f"{task}: {arm} arm alone solves {len(solved)} of {len(seeds)}"
-            print(f"{text}, and {len(but_for_the_way)} but for what happened on the way")
+            print(f"{text}, {len(but_for_the_way)} if what happened on the way did not count")
 
 
 if __name__ == "__main__":

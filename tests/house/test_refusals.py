@@ -113,7 +113,11 @@ MISTAKES = [
     (train_program, "--policy.type=act --policy.chunksize=3", "Did you mean '--policy.chunk_size'?"),
     (train_program, "--policy.type=act --dataset.root=nowhere", "no dataset at nowhere"),
     (train_program, "--policy.type=act", "--dataset.repo_id is missing"),
-    (train_program, "--policy.type=act --output_dir=.", "there already: choose another; there is no"),
+    (
+        train_program,
+        "--policy.type=act --resume=False --output_dir=.",
+        "there already: choose another; there is no",
+    ),
     (
         train_program,
         "--resume=true --output_dir=there",

@@ -3,7 +3,6 @@
 import re
 from dataclasses import fields
 
-import draccus
 import pytest
 import torch
 from draccus.wrappers.docstring import get_attribute_docstring, get_preferred_help_text
@@ -75,12 +74,6 @@ def test_only_what_the_policy_reads_stays_among_its_inputs_and_missing_depth_is_
 @pytest.mark.parametrize("policy", [PerActIndependentConfig, PerActLFConfig])
 def test_latents_of_a_network_for_one_arm_may_be_odd(policy):
     assert policy(device="cpu", num_latents=33).num_latents == 33
-
-
-def test_leader_is_an_arm():
-    assert draccus.parse(PerActLFConfig, args=["--device=cpu", "--leader=left"]).leader == "left"
-    with pytest.raises(InvalidChoice, match="right, left"):
-        PerActLFConfig(device="cpu", leader="both")
 
 
 @pytest.mark.parametrize("steps", [200, 5000])

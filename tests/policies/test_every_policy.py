@@ -181,7 +181,9 @@ def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
     config = PreTrainedConfig.from_pretrained(tmp_path)
-    for name, other in {"keypose_horizon": 7, "workspace_lower": (0.0, 0.0, 0.0), "heads": 1}.items():
+    others = {"keypose_horizon": 7, "workspace_lower": (0.0, 0.0, 0.0), "heads": 1}
+    others |= {"heatmap_fusion": "product", "fine_stage_zoom": 3} if policy.name == "rvt_lf" else {}
+    for name, other in others.items():
         with pytest.raises(BadConfig, match=rf"leave out --policy\.{name}"):
             type(policy).from_pretrained(tmp_path, config=replace(config, **{name: other}))
     monkeypatch.setattr(policies, "hf_hub_download", lambda **kwargs: tmp_path / "config.json")
@@ -202,7 +204,7 @@ def test_where_a_dataset_tells_no_horizon_the_flag_is_named(make_policy, stats):
         make_policy(dataset_stats=stats, keypose_horizon=None)
 
 
-def test_whoever_is_not_told_the_keyposes_so_far_does_not_need_them(make_policy, make_batch):
+def test_a_policy_that_is_not_told_the_keyposes_so_far_does_not_need_them(make_policy, make_batch):
     policy = make_policy(use_keypose_step=False, keypose_horizon=None)
     told = make_batch()
     action = policy.select_action({key: value for key, value in told.items() if key != KEYPOSE_STEP})

@@ -15,6 +15,7 @@ from lerobot_policy_bimanual.keypose.losses import keypose_errors
 from lerobot_policy_bimanual.keypose.optimizers import LambConfig
 from lerobot_policy_bimanual.nn.language import MAX_WORDS, LearnedLanguage
 from lerobot_policy_bimanual.nn.precision import full_precision
+from lerobot_policy_bimanual.nn.wordllama import WordllamaLanguage
 from lerobot_policy_bimanual.peract.dense_head import LogitConv3d, SkipConv3d
 from lerobot_policy_bimanual.peract.pooling import pool
 from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
@@ -135,9 +136,10 @@ def test_word_slots_are_stable_and_other_words_give_other_tokens():
     assert language._ids("lift ball") == [0, 1918, 118]  # a checkpoint relies on these
 
 
+@pytest.mark.parametrize("encoder", [LearnedLanguage, WordllamaLanguage])
 @pytest.mark.parametrize("instruction", ["", "  ?!", "défense d'afficher 機械", "\ud800", "word " * 300])
-def test_no_sentence_is_refused(instruction):
-    language = LearnedLanguage(tokens=3, dim=4)
+def test_no_sentence_is_refused(encoder, instruction):
+    language = encoder(tokens=3, dim=4)
     assert torch.isfinite(language([instruction, "lift the ball"])).all()
     assert len(language._ids(instruction)) <= MAX_WORDS
 

@@ -112,7 +112,7 @@ def test_the_followers_loss_does_not_reach_the_leader(policy, leader, make_batch
     target = policy.target_bins(batch[ACTION])
     prediction = policy.predict(policy.observe(batch), target)
     follower = leader.other.ordinal
-    loss = prediction.translation.cross_entropy(target.voxel)[:, follower].sum()
+    loss = prediction.translation.cross_entropy(target.voxel, torch.zeros(2, 2, 3))[:, follower].sum()
     (loss + prediction.rotation[:, follower].logsumexp(-1).sum()).backward()
     network = parts(policy)
     assert all(value.grad is None or not value.grad.any() for value in network.leader.parameters())
@@ -129,9 +129,10 @@ def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch
     after = policy.predict(policy.observe(batch), other)
     assert torch.equal(after.rotation[:, 0], before.rotation[:, 0])
     assert not torch.allclose(after.rotation[:, 1], before.rotation[:, 1])
+    centre = torch.zeros(2, 2, 3)
     assert torch.equal(
-        after.translation.cross_entropy(other.voxel)[:, 0],
-        before.translation.cross_entropy(target.voxel)[:, 0],
+        after.translation.cross_entropy(other.voxel, centre)[:, 0],
+        before.translation.cross_entropy(target.voxel, centre)[:, 0],
     )
 
 
@@ -160,7 +161,7 @@ def agreement(network: nn.Module, dim: int) -> float:
         voxel = torch.where(swapped, things.flip(1), things)
         rest = torch.zeros(16, 2, dtype=torch.long)
         prediction = network(grid, *inputs, KeyposeBins(voxel, torch.zeros_like(voxel), rest, rest))
-        loss = prediction.translation.cross_entropy(voxel).sum(dim=1).mean()
+        loss = prediction.translation.cross_entropy(voxel, torch.zeros(16, 2, 3)).sum(dim=1).mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -202,7 +203,7 @@ def test_with_joint_decoding_the_right_arms_position_follows_the_left_ones(tiny,
         """Of the same targets (3, arms), where the network is told these voxels."""
         target = KeyposeBins(voxel, torch.zeros_like(voxel), rest, rest)
         prediction = network(grid, torch.zeros(3, 8), torch.zeros(3, 4, config.language_dim), target)
-        return prediction.translation.cross_entropy(voxel)
+        return prediction.translation.cross_entropy(voxel, torch.zeros(3, 2, 3))
 
     moved_left = torch.stack([9 - things[:, 0], things[:, 1]], dim=1)
     assert not torch.isclose(losses(things)[:, 1], losses(moved_left)[:, 1]).any()

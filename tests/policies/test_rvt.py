@@ -165,9 +165,8 @@ def test_loss_equals_the_divergence_from_a_target_image_with_gradients(is_betwee
     prediction = heatmaps()
     logits = prediction.logits.requires_grad_()
     voxel = torch.tensor([[[5, 6, 4], [0, 11, 2]], [[11, 11, 11], [3, 0, 7]]])  # in the middle and at borders
-    offset = torch.rand(2, 2, 3, dtype=torch.float64) - 0.5 if is_between else None
-    places = voxel if offset is None else voxel + offset
-    target = torch.stack([torch.stack([gaussians(arm, 12) for arm in sample]) for sample in places])
+    offset = is_between * (torch.rand(2, 2, 3, dtype=torch.float64) - 0.5)
+    target = torch.stack([torch.stack([gaussians(arm, 12) for arm in sample]) for sample in voxel + offset])
     expected = (target.xlogy(target) - target * logits.flatten(3).log_softmax(3).view_as(logits)).sum((3, 4))
     expected, actual = expected.mean(2), prediction.cross_entropy(voxel, offset)
     torch.testing.assert_close(actual, expected)
@@ -318,6 +317,6 @@ def test_both_stages_learn_the_same_position():
     voxel = place.round().long()[None, None]
     torch.testing.assert_close(translation.cross_entropy(voxel, place - voxel), torch.zeros(1, 1).double())
     torch.testing.assert_close(translation.candidates().local_mean()[0, 0], place, atol=0.5 / zoom, rtol=0)
-    elsewhere = translation.cross_entropy(torch.tensor([[[0, 11, 0]]]))
+    elsewhere = translation.cross_entropy(torch.tensor([[[0, 11, 0]]]), torch.zeros(1, 1, 3))
     assert elsewhere.isfinite().all()
     assert elsewhere > 10

@@ -27,7 +27,7 @@ CODE_HORIZON = 25
 DECIDED = (
     *("workspace_lower", "workspace_upper", "use_keypose_step", "keypose_horizon"),
     *("voxel_size", "heads", "leader", "point_radius", "projection_dilations"),
-    "heatmap_dilations",
+    *("heatmap_dilations", "heatmap_fusion", "fine_stage_zoom"),
 )
 """Fields on which the meaning of weights depends; loading compares those that give them their shapes."""
 

@@ -14,9 +14,7 @@ FAR_M = 0.05
 """Position error from which a prediction counts as a miss."""
 
 
-def keypose_losses(
-    prediction: KeyposePrediction, target: KeyposeBins, offset: Tensor | None = None
-) -> dict[str, Tensor]:
+def keypose_losses(prediction: KeyposePrediction, target: KeyposeBins, offset: Tensor) -> dict[str, Tensor]:
     """Cross-entropies (b,) of all parts, each summed over arms and rotation axes.
 
     The training loss is their plain sum, averaged over the batch (PerAct2 paper and code: all weights are 1).

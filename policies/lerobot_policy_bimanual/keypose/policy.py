@@ -26,9 +26,11 @@ from lerobot_policy_bimanual.keypose.dataset_fit import check_label, compare_wit
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.keypose.observation import Observation, observe, with_calibration
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
+from lerobot_policy_bimanual.nn.clip import ClipLanguage
 from lerobot_policy_bimanual.nn.language import LearnedLanguage
 from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+from lerobot_policy_bimanual.nn.wordllama import WordllamaLanguage
 
 REDUCTIONS = ("mean", "none")
 
@@ -225,9 +227,5 @@ def _make_language(config: KeyposePolicyConfig) -> nn.Module:
     if config.language_encoder == LEARNED_LANGUAGE:
         return LearnedLanguage(**sizes)
     if config.language_encoder == WORDLLAMA:
-        from lerobot_policy_bimanual.nn.wordllama import WordllamaLanguage
-
         return WordllamaLanguage(**sizes)
-    from lerobot_policy_bimanual.nn.clip import ClipLanguage
-
     return ClipLanguage(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)

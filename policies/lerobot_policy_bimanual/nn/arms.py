@@ -120,11 +120,9 @@ class JointTranslation:
 
     parts: tuple[TranslationPrediction, ...]
 
-    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Negative log-likelihood (b, arms) of targets in voxels (b, arms, 3)."""
-        voxels = voxel.split(1, dim=1)
-        offsets = [None] * len(voxels) if offset is None else offset.split(1, dim=1)
-        parts = zip(self.parts, voxels, offsets, strict=True)
+        parts = zip(self.parts, voxel.split(1, dim=1), offset.split(1, dim=1), strict=True)
         return torch.cat([part.cross_entropy(inside, where) for part, inside, where in parts], dim=1)
 
     def candidates(self) -> VoxelCandidates:

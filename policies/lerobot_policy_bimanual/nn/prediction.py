@@ -40,13 +40,12 @@ class VoxelCandidates:
 class TranslationPrediction(Protocol):
     """A distribution over voxels for every arm."""
 
-    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Negative log-likelihood (b, arms) in nats of targets.
 
         Args:
             voxel: (b, arms, 3) int64, the target voxels.
-            offset: (b, arms, 3) position in them, from -0.5 to 0.5 voxels off the centre; None for the centre. Only
-                heads with sub-voxel bins use it.
+            offset: (b, arms, 3) position in them, from -0.5 to 0.5 voxels off the centre; heads may overlook it.
         """
         ...
 

@@ -31,7 +31,7 @@ class DenseTranslation:
 
     logits: Tensor
 
-    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Negative log-likelihood (b, arms) of target voxels (b, arms, 3), from indices, not one-hots."""
         V = self.logits.shape[-1]
         flat = (voxel[..., 0] * V + voxel[..., 1]) * V + voxel[..., 2]

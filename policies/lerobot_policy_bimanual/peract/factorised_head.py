@@ -50,7 +50,7 @@ class FactorisedTranslation:
     cell_logits: Tensor
     target_cell_logits: Tensor | None
 
-    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Negative log-likelihood (b, arms) of the target voxels (b, arms, 3), and of their sub-voxel bins if there are any."""
         if self.target_voxel_logits is None or self.target_cell_logits is None:
             raise ValueError("the head was run without target voxels")
@@ -62,8 +62,7 @@ class FactorisedTranslation:
         cells = self.target_cell_logits.shape[-1]
         if not cells:
             return loss
-        where = torch.zeros_like(voxel, dtype=torch.float32) if offset is None else offset
-        cell = ((where + 0.5) * cells).long().clamp(0, cells - 1)  # (b, arms, 3)
+        cell = ((offset + 0.5) * cells).long().clamp(0, cells - 1)  # (b, arms, 3)
         index = inner[..., None, None, None].expand(*inner.shape, 1, 3, cells)
         logits = self.target_cell_logits.gather(2, index)[:, :, 0]  # (b, arms, 3, cells)
         within = F.cross_entropy(logits.flatten(0, 2), cell.flatten(), reduction="none")

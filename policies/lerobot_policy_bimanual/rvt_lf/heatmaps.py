@@ -30,7 +30,7 @@ class HeatmapTranslation:
     logits: Tensor
     sigma_px: float
 
-    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
 
         Averaged over the views. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and then
@@ -44,7 +44,7 @@ class HeatmapTranslation:
             pixel[..., None] + shift  # (b, arms, views, window)
             for pixel, shift in zip(pixels_of_voxels(voxel, V), (row_step, column_step), strict=True)
         )
-        row, column = pixels_of_voxels(voxel if offset is None else voxel + offset, V)
+        row, column = pixels_of_voxels(voxel + offset, V)
         squared = (rows - row[..., None]) ** 2 + (columns - column[..., None]) ** 2
         seen = (rows >= 0) & (rows < V) & (columns >= 0) & (columns < V)
         seen &= squared <= (CUT_SIGMAS * self.sigma_px) ** 2
@@ -87,13 +87,12 @@ class ProductTranslation:
     logits: Tensor
     sigma_px: float
 
-    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
 
         Its own entropy is subtracted, so that a perfect distribution has the loss 0.
         """
-        place = voxel if offset is None else voxel + offset
-        steps = torch.arange(self.logits.shape[-1], device=voxel.device) - place[..., None]
+        steps = torch.arange(self.logits.shape[-1], device=voxel.device) - (voxel + offset)[..., None]
         wanted = (-(steps**2) / (2 * self.sigma_px**2)).softmax(dim=-1).to(self.logits)  # (b, arms, 3, v)
         planes = sum_over_views(self.logits)
         x, y, z = wanted.unbind(2)

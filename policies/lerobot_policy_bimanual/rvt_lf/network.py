@@ -6,7 +6,6 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual.nn.layers import LEAK, Block, LanguageFilters, activate, init_linear
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
@@ -69,16 +68,13 @@ class RVTNetwork(nn.Module):
         if config.compile:
             self.compile()  # in place: the names in the checkpoint stay the same
 
-    def forward(
-        self, views: Tensor, proprio: Tensor, language: Tensor, target: KeyposeBins | None = None
-    ) -> KeyposePrediction:
+    def forward(self, views: Tensor, proprio: Tensor, language: Tensor) -> KeyposePrediction:
         """Predict the next keypose of one arm.
 
         Args:
             views: (b, 5, 10, size, size) as made by `render_views`, with `goal_channels` more behind.
             proprio: (b, proprio_dim).
             language: (b, language_tokens, language_dim).
-            target: not used.
         """
         stem = self.read(views, language)  # (b 5, channels, size, size)
         answers = self._attend(self.patchify(stem), proprio, language)  # (b 5, token_dim, p, p)

@@ -35,7 +35,7 @@ def render_views(
     lies behind it. Among equally deep points a hash of position and colour of about 20 bits decides; only if
     that is equal too, the order of the points. Points outside the workspace vanish, NaN included.
 
-    RVT's renderer blends the five nearest points of a pixel; here the nearest one stands alone. The images
+    RVT's renderer blends the five nearest points of a pixel; here only the nearest one is shown. The images
     always span the workspace (RVT's `place_with_mean=False`), so that nothing but the scene moves them.
 
     Args:
@@ -121,13 +121,7 @@ def _grow(keys: Tensor, radius_px: float, nothing: int) -> Tensor:
 
 def _centred_depth(xyz: Tensor, covered: Tensor) -> Tensor:
     """Depth (b, views, size, size) of points (b, views, 3, size, size), less its mean in each view."""
-    depth = torch.stack(
-        [
-            -image[:, view.depth - MINUS_X] if view.depth >= MINUS_X else image[:, view.depth]
-            for image, view in zip(xyz.unbind(1), VIEWS, strict=True)
-        ],
-        dim=1,
-    )
+    depth = torch.cat([xyz, -xyz], dim=2)[:, range(len(VIEWS)), [view.depth for view in VIEWS]]
     count = covered.sum((2, 3), keepdim=True).clamp(min=1)
     return torch.where(covered, depth - depth.sum((2, 3), keepdim=True) / count, NO_DEPTH)
 

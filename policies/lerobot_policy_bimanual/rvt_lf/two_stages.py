@@ -84,11 +84,10 @@ class FineTranslation:
     middle: Tensor
     zoom: int
 
-    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Sum (b, 1) of the cross-entropies of both stages; targets outside the surroundings count as at their border."""
         size = self.fine.logits.shape[-1]
-        place = voxel if offset is None else voxel + offset
-        place = magnified(place, self.middle, self.zoom, size).clamp(0, size - 1)
+        place = magnified(voxel + offset, self.middle, self.zoom, size).clamp(0, size - 1)
         fine = place.round()
         return self.coarse.cross_entropy(voxel, offset) + self.fine.cross_entropy(fine.long(), place - fine)
 

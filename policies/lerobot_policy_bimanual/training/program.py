@@ -10,6 +10,9 @@ from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG
 from lerobot_bimanual.cli.lerobot_program import run_program
 from lerobot_bimanual.errors import BimanualError, plain
 
+NO = ("false", "no", "off")
+"""How LeRobot's flags say no."""
+
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Parameters of glibc's `mallopt`."""
 
@@ -29,7 +32,7 @@ def _check(values: Mapping[str, str]) -> None:
             f"--{KEEP_FLAG} is {plain(kept)}, but must be a number of checkpoints, 1 or more"
         )
     config, output = Path(values.get("config_path", "")), values.get("output_dir", "")
-    if values.get("resume", "false") != "false":
+    if values.get("resume", "false").lower() not in NO:
         folder = config if config.is_dir() else config.parent
         if config.exists() and not (folder / TRAIN_CONFIG_FILE).is_file():
             raise BadCommandLine(

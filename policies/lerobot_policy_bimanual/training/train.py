@@ -149,7 +149,7 @@ def _starts_within_an_epoch(loader: DataLoader) -> bool:
 
 @parser.wrap()
 def train(cfg: TrainPipelineConfig, keep_last: int | None = None) -> None:
-    """Train with the dataset in memory; a LeRobot that takes no accelerator trains with its own loaders, and a warning.
+    """Train with the dataset in memory.
 
     Args:
         cfg: of the training.
@@ -173,19 +173,16 @@ def _train(cfg: TrainPipelineConfig, keep_last: int | None) -> None:
         accelerator: Any = AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg), keep_last)
         lerobot_train.train(cfg, accelerator)
         return
-    of_config: Any = getattr(cfg, "accelerator", None)
-    if hasattr(of_config, "build"):
+    later: Any = cfg  # of a LeRobot after 0.6
 
-        class WithMemory(type(of_config)):
-            """LeRobot's config of an accelerator, which makes ours."""
+    class WithMemory(type(later.accelerator)):
+        """LeRobot's config of an accelerator, which makes ours."""
 
-            def build(self, *args: Any, **kwargs: Any) -> Any:
-                return AcceleratorWithMemory(cfg, partial(super().build, *args, **kwargs), keep_last)
+        def build(self, *args: Any, **kwargs: Any) -> Any:
+            return AcceleratorWithMemory(cfg, partial(super().build, *args, **kwargs), keep_last)
 
-        cfg.accelerator = WithMemory(**vars(of_config))  # pyright: ignore[reportAttributeAccessIssue]
-    else:
-        logger.warning("This LeRobot takes no accelerator: rows are decoded at every step")
-    lerobot_train.train(cfg)
+    later.accelerator = WithMemory(**vars(later.accelerator))
+    lerobot_train.train(later)
 
 
 def _accelerator_of_0_6_1(cfg: TrainPipelineConfig) -> Accelerator:

@@ -30,4 +30,4 @@ class BlindMlpConfig(PreTrainedConfig):
         return None
 
     def validate_features(self) -> None:
-        """Whatever the dataset has besides, the keys that are read are in every view of ours."""
+        """Nothing to check: the keys that are read are in every view of our datasets."""

@@ -53,4 +53,4 @@ class BlindMlpPolicy(PreTrainedPolicy):
         return list(self.parameters())
 
     def reset(self) -> None:
-        """How far the episode has come stands in the observation, so nothing is kept."""
+        """Nothing is kept: the observation says how far the episode has come."""
