@@ -326,6 +326,8 @@ class BimanualEnv(gym.Env):
 
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
-        self._finish_video()
-        self._worlds.close()
-        self._progress = None
+        try:
+            self._finish_video()
+        finally:
+            self._worlds.close()
+            self._progress = None
