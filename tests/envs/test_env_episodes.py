@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from test_conditions import When
 
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.conditions import Always
 from lerobot_env_bimanual.env import BimanualEnv
@@ -217,6 +218,33 @@ def test_same_seed_gives_the_same_bits_in_another_process_and_with_images(state_
     hashes = hash_sequence(state_env, seed=7)
     assert output.split() == [*hashes, *perturbed_sequence()]
     assert hash_sequence(rgbd_env, seed=7) == hashes
+
+
+def test_an_interrupted_tick_leaves_no_trace_in_the_next_episode():
+    env = BimanualEnv(TASK, obs="state", protective_stop=True)
+    expected = hash_sequence(env, seed=3, ticks=1)
+    env.reset(seed=3)
+    while env.progress.felt_n.max() < 20:
+        press = env.scene.commanded
+        press[1] += 0.05
+        env.step(press)
+    steps = iter(range(20))
+    with env.observed_by(lambda *_: None, lambda: next(steps)), pytest.raises(StopIteration):
+        env.step(press)
+    assert hash_sequence(env, seed=3, ticks=1) == expected
+    env.close()
+
+
+@pytest.mark.parametrize("options", [{"task": "push_box"}, {"setting": "varied"}, {"perturb": "size:3"}])
+def test_a_state_of_another_world_is_refused_and_changes_nothing(options, state_env, instant_placement):
+    other = BimanualEnv(**{"task": TASK} | options, obs="state")
+    for env in (other, state_env):
+        env.reset(seed=0)
+    before = state_env.state_hash()
+    with pytest.raises(InvalidChoice, match=f"but must be '{TASK} test'"):
+        state_env.restore_state(other.save_state())
+    assert state_env.state_hash() == before
+    other.close()
 
 
 def test_a_seed_means_another_episode_in_every_split():
