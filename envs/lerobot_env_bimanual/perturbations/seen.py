@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -51,7 +52,7 @@ def _move_cameras(start: Start, appearance: Appearance, *, calibrated: bool) -> 
         return {"cam_quat": quat_wxyz_multiply(quat_wxyz, turns_wxyz), "cam_pos": position_m + shifts_m}
 
     worn = appearance.wearing(**moved(appearance.fields))
-    return worn.calibrated(**moved(appearance.calibration)) if calibrated else worn
+    return replace(worn, calibration=moved(appearance.calibration)) if calibrated else worn
 
 
 def _normal(shape: tuple[int, ...], sigma: float, rng: np.random.Generator, dtype: DTypeLike) -> NDArray:
