@@ -150,7 +150,7 @@ def test_a_warning_of_mujoco_ends_the_episode(state_env):
 
 def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_the_arm_can(state_env):
     state_env.reset(seed=1)
-    limits, home = state_env.scene.arm_pair.joint_limits, state_env.scene.commanded
+    pair, home = state_env.scene.arm_pair, state_env.scene.commanded
     target = home + np.float32(0.6)
     target[8:] = 100.0
     with state_env.observed_by(lambda _, action: actions.append(action)):
@@ -159,10 +159,10 @@ def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_
             *_, info = state_env.step(target)
     joints = np.array([by_arm(action)[:, :-1] for action in actions], dtype=np.float64)
     speeds = np.diff(joints, axis=0) / TICK_S
-    assert (np.abs(speeds) <= limits.velocity_rad_s).all()
+    assert (np.abs(speeds) <= pair.velocity_limit_rad_s).all()
     accelerations = np.diff(speeds, axis=0) / TICK_S
-    assert (np.abs(accelerations[:, 0]) <= limits.acceleration_rad_s2).all()
-    assert accelerations.max() > 0.99 * limits.acceleration_rad_s2.max()
+    assert (np.abs(accelerations[:, 0]) <= pair.acceleration_limit_rad_s2).all()
+    assert accelerations.max() > 0.99 * pair.acceleration_limit_rad_s2.max()
     assert (joints[:, 0] <= target[:7] + 0.02).all()  # it slows down in time
     assert np.allclose(actions[-1][:8], state_env.action_space.high[:8].clip(max=target[:8]))
     assert np.allclose(actions[-1][8:], state_env.action_space.high[8:])

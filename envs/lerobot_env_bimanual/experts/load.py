@@ -123,7 +123,7 @@ class LoadMeter:
     def result(self) -> LoadMetrics:
         """The peaks so far."""
         self._look_at_steps()
-        limits = self._scene.arm_pair.joint_limits
+        pair = self._scene.arm_pair
         actions = np.array(self._actions, dtype=np.float64).reshape(-1, len(ARMS), ARM_ACTION_DIM)
         joints = actions[..., :-1]
         velocity = np.diff(joints, axis=0) / TICK_S
@@ -131,9 +131,9 @@ class LoadMeter:
         jerk = np.diff(acceleration, axis=0) / PHYSICS_STEP_S
         found = self._peaks | {
             "saturated": self._saturated_steps / max(self._steps, 1),
-            "velocity": _peak(velocity / limits.velocity_rad_s),
-            "acceleration": _peak(acceleration / limits.acceleration_rad_s2),
-            "jerk": _peak(jerk / limits.jerk_rad_s3),
+            "velocity": _peak(velocity / pair.velocity_limit_rad_s),
+            "acceleration": _peak(acceleration / pair.acceleration_limit_rad_s2),
+            "jerk": _peak(jerk / pair.jerk_limit_rad_s3),
         }
         # Records hold as many digits as mean something.
         rounded = {name: float(f"{peak:.6g}") for name, peak in found.items()}
@@ -143,7 +143,7 @@ class LoadMeter:
         """Take the peaks of what was noted, and forget it."""
         if not self._torques_then:
             return
-        limits_nm = np.tile(self._scene.arm_pair.joint_limits.torque_nm, len(ARMS))
+        limits_nm = np.tile(self._scene.arm_pair.torque_limit_nm, len(ARMS))
         torques = np.abs(self._torques_then) / limits_nm
         sums = np.cumsum(self._speeds_then, axis=0)
         forces_n, depth_m, bodies = self._forces.take()
