@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import product
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,7 @@ TRAY_WALL_Z_M = -0.012
 FRONT_GAP_M = 0.001
 HANDLE_STAND_OFF_M = 0.040
 """Between bar and front: room for two fingers."""
+HANDLE_Y_M = SIDE_M / 2 + FRONT_GAP_M + 2 * FRONT_HALF_M[1] + HANDLE_STAND_OFF_M
 POST_RADIUS_M = 0.005
 FIRM = (0.004, 1.0)
 """Contact of the boards: as hard as the step of physics allows, or a dropped block would sink through the floor."""
@@ -63,16 +65,14 @@ class DrawerCabinet:
         longer_legs_m: by how much the legs go on below the frame, so that the cabinet can be placed higher.
     """
 
+    top_m: ClassVar[float] = LEG_HEIGHT_M + SIDE_M
+    """Height of the top above the table."""
+
     name: str = "cabinet"
     handle_half_length_m: float = 0.0375
     handle_radius_m: float = 0.0075
     handle_gives_m: float = 0.0
     longer_legs_m: float = 0.0
-
-    @property
-    def top_m(self) -> float:
-        """Height of the top above the table."""
-        return LEG_HEIGHT_M + SIDE_M
 
     def drawer(self, level: str) -> str:
         """Name of a drawer's body."""
@@ -80,7 +80,7 @@ class DrawerCabinet:
 
     def handle(self, level: str) -> NDArray[np.float64]:
         """(3,) middle of a closed drawer's handle in the cabinet's frame, m."""
-        return np.array([0.0, _handle_y(), HANDLE_HEIGHTS_M[level]])
+        return np.array([0.0, HANDLE_Y_M, HANDLE_HEIGHTS_M[level]])
 
     @property
     def drawer_inside(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -143,7 +143,7 @@ class DrawerCabinet:
         prop.add_box(body, position, half, mass=PART_MASSES_KG[part], rgba=rgba, solref=FIRM)
 
     def _add_handle(self, drawer) -> None:
-        y, x, gives_m = _handle_y(), self.handle_half_length_m, self.handle_gives_m
+        y, x, gives_m = HANDLE_Y_M, self.handle_half_length_m, self.handle_gives_m
         if gives_m:
             rubber = f"{drawer.name}_rubber"
             drawer = drawer.add_body(name=f"{drawer.name}_handle")
@@ -153,7 +153,3 @@ class DrawerCabinet:
         for side in (-x, x):
             post = (side, y, 0, side, y - HANDLE_STAND_OFF_M, 0)
             prop.add_capsule(drawer, post, POST_RADIUS_M, mass=PART_MASSES_KG["post"], rgba=METAL)
-
-
-def _handle_y() -> float:
-    return SIDE_M / 2 + FRONT_GAP_M + 2 * FRONT_HALF_M[1] + HANDLE_STAND_OFF_M

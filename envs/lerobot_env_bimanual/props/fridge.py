@@ -1,6 +1,7 @@
 """A narrow fridge with two doors, of which the upper one opens."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,13 +62,11 @@ class Fridge:
         friction: of the shelves.
     """
 
+    front_m: ClassVar[float] = -HALF_DEPTH_M
+    """The plane of the opening: its x in the fridge's frame."""
+
     name: str = "fridge"
     friction: float = 0.6
-
-    @property
-    def front_m(self) -> float:
-        """The plane of the opening: its x in the fridge's frame."""
-        return -HALF_DEPTH_M
 
     @property
     def compartment(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
