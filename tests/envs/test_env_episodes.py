@@ -6,6 +6,7 @@ import pickle
 import re
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import gymnasium as gym
@@ -18,6 +19,7 @@ from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.conditions import Always
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
+from lerobot_env_bimanual.options import SETTINGS, SPLITS
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.servo_commands import TICK_S
@@ -247,13 +249,14 @@ def test_a_state_of_another_world_is_refused_and_changes_nothing(options, state_
     other.close()
 
 
-def test_a_seed_means_another_episode_in_every_split():
-    hashes = set()
-    for split in ("train", "val", "test"):
-        env = BimanualEnv(TASK, obs="state", split=split)
-        hashes.add(hash_sequence(env, seed=5, ticks=0)[0])
+def test_a_seed_means_another_episode_in_every_split_and_setting():
+    places_m = set()
+    for split, setting in product(SPLITS, SETTINGS):
+        env = BimanualEnv("dual_push_buttons", obs="state", split=split, setting=setting)
+        env.reset(seed=0)
+        places_m.add(tuple(env.scene.pose("left_button").position[:2]))
         env.close()
-    assert len(hashes) == 3
+    assert len(places_m) == len(SPLITS) * len(SETTINGS) == 6
 
 
 def test_variations_of_a_seed_share_no_layout_and_one_that_is_drawn_is_the_one_that_may_be_asked_for():
