@@ -16,7 +16,7 @@ constant within a tick and step between two within one step of physics.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -60,9 +60,8 @@ BOUNDS = {
 """Of an expert's episode.
 
 A motor that gives all it has makes the arm late; Franka recommends to stay below and does not require it, so it may for
-moments. How hard an arm may push before it stops is for its user to choose: libfranka's examples set 20 N for free motion
-(`setDefaultBehavior`) and 100 N along an axis for impedance and force control, where contact is meant, as it is in tasks
-that squeeze and push; here 100 N bound the whole force. Fingers may move as fast as franka_description says of the hand.
+moments. `worlds.ProtectiveStop` says where the bound of force comes from. Fingers may move as fast as franka_description
+says of the hand.
 """
 
 
@@ -206,7 +205,7 @@ def run_measured(
 
 
 def replays(
-    env: BimanualEnv, seed: int, variation: int, actions: Iterable[ArrayLike], hashes: Sequence[int]
+    env: BimanualEnv, seed: int, variation: int, actions: Iterable[ArrayLike], hashes: list[int]
 ) -> bool:
     """Whether actions from a seed solve the episode through the recorded states, bit for bit, and no others.
 
@@ -229,7 +228,7 @@ def replays(
             if terminated or truncated or again != hashes[: len(again)]:
                 break
     note(env)
-    return env.progress.succeeded and again == list(hashes)
+    return env.progress.succeeded and again == hashes
 
 
 def keyframes_found(joint_actions: NDArray[np.float32], ticks: list[int]) -> bool:
