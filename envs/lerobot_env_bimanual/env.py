@@ -307,14 +307,26 @@ class BimanualEnv(gym.Env):
         """SHA-256 of everything that decides how the episode goes on."""
         return self.progress.joined_hash(self.scene.state_hash())
 
-    def save_state(self) -> tuple[Any, EpisodeProgress]:
-        """A copy of the episode, from which `restore_state` continues bit for bit; it can be pickled."""
-        return self.scene.save_state(), copy.deepcopy(self.progress)
+    @property
+    def _world_name(self) -> str:
+        options = self.options
+        return f"{eval_key(self.task, 'any', options.perturb, options.setting)} {options.split}"
 
-    def restore_state(self, state: tuple[Any, EpisodeProgress]) -> None:
-        """Go back to a saved state of an environment with the same options; the state may be used again."""
-        self._progress = copy.deepcopy(state[1])
-        self.scene.restore_state(state[0])
+    def save_state(self) -> tuple[Any, EpisodeProgress, str]:
+        """A copy of the episode, from which `restore_state` continues bit for bit; it can be pickled."""
+        return self.scene.save_state(), copy.deepcopy(self.progress), self._world_name
+
+    def restore_state(self, state: tuple[Any, EpisodeProgress, str]) -> None:
+        """Go back to a saved state of an environment with the same options; the state may be used again.
+
+        Raises:
+            InvalidChoice: it is of another task, setting, perturbation or split; nothing has changed then.
+        """
+        scene_state, progress, world_name = state
+        if world_name != self._world_name:
+            raise InvalidChoice("world of the saved state", world_name, repr(self._world_name))
+        self._progress = copy.deepcopy(progress)
+        self.scene.restore_state(scene_state)
 
     def __getstate__(self) -> object:
         """What is copied or pickled; a running episode cannot be, as its world would be shared or lost."""
@@ -326,6 +338,8 @@ class BimanualEnv(gym.Env):
 
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
-        self._finish_video()
-        self._worlds.close()
-        self._progress = None
+        try:
+            self._finish_video()
+        finally:
+            self._worlds.close()
+            self._progress = None

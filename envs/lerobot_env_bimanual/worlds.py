@@ -22,6 +22,7 @@ from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contact_forces import ContactForces, felt
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
+from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK
 
 MAX_DRAWS = 200
 CODECS = (None, KeyposeCodec())
@@ -103,7 +104,8 @@ class ProtectiveStop:
     def judge(self, progress: EpisodeProgress) -> None:
         """Look at the steps of a tick."""
         forces_n, _, _ = self._forces.take()
-        felt_n = felt(forces_n, progress.felt_n)
+        # The last ones: those of a tick that was interrupted may come before.
+        felt_n = felt(forces_n[-STEPS_PER_TICK:], progress.felt_n)
         progress.felt_n = felt_n[-1]
         for pressed_n in np.linalg.norm(felt_n, axis=-1):
             progress.pressed_steps = (progress.pressed_steps + 1) * (pressed_n > self._max_force_n)

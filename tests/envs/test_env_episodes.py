@@ -6,6 +6,7 @@ import pickle
 import re
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import gymnasium as gym
@@ -13,10 +14,12 @@ import numpy as np
 import pytest
 from test_conditions import When
 
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.conditions import Always
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
+from lerobot_env_bimanual.options import SETTINGS, SPLITS
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.servo_commands import TICK_S
@@ -149,7 +152,7 @@ def test_a_warning_of_mujoco_ends_the_episode(state_env):
 
 def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_the_arm_can(state_env):
     state_env.reset(seed=1)
-    limits, home = state_env.scene.arm_pair.joint_limits, state_env.scene.commanded
+    pair, home = state_env.scene.arm_pair, state_env.scene.commanded
     target = home + np.float32(0.6)
     target[8:] = 100.0
     with state_env.observed_by(lambda _, action: actions.append(action)):
@@ -158,10 +161,10 @@ def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_
             *_, info = state_env.step(target)
     joints = np.array([by_arm(action)[:, :-1] for action in actions], dtype=np.float64)
     speeds = np.diff(joints, axis=0) / TICK_S
-    assert (np.abs(speeds) <= limits.velocity_rad_s).all()
+    assert (np.abs(speeds) <= pair.velocity_limit_rad_s).all()
     accelerations = np.diff(speeds, axis=0) / TICK_S
-    assert (np.abs(accelerations[:, 0]) <= limits.acceleration_rad_s2).all()
-    assert accelerations.max() > 0.99 * limits.acceleration_rad_s2.max()
+    assert (np.abs(accelerations[:, 0]) <= pair.acceleration_limit_rad_s2).all()
+    assert accelerations.max() > 0.99 * pair.acceleration_limit_rad_s2.max()
     assert (joints[:, 0] <= target[:7] + 0.02).all()  # it slows down in time
     assert np.allclose(actions[-1][:8], state_env.action_space.high[:8].clip(max=target[:8]))
     assert np.allclose(actions[-1][8:], state_env.action_space.high[8:])
@@ -219,15 +222,53 @@ def test_same_seed_gives_the_same_bits_in_another_process_and_with_images(state_
     assert hash_sequence(rgbd_env, seed=7) == hashes
 
 
-def test_a_seed_means_another_layout_in_every_split_setting_and_variation():
-    places = set()
-    for options in ({}, {"split": "train"}, {"split": "val"}, {"setting": "varied"}):
-        env = BimanualEnv("put_item_in_drawer", obs="state", **options)
-        for variation in range(3):
-            env.reset(seed=5, options={"variation": variation})
-            places.add(tuple(env.scene.pose("cabinet").position[:2]))
+def test_an_interrupted_tick_leaves_no_trace_in_the_next_episode():
+    env = BimanualEnv(TASK, obs="state", protective_stop=True)
+    expected = hash_sequence(env, seed=3, ticks=1)
+    env.reset(seed=3)
+    while env.progress.felt_n.max() < 20:
+        press = env.scene.commanded
+        press[1] += 0.05
+        env.step(press)
+    steps = iter(range(20))
+    with env.observed_by(lambda *_: None, lambda: next(steps)), pytest.raises(StopIteration):
+        env.step(press)
+    assert hash_sequence(env, seed=3, ticks=1) == expected
+    env.close()
+
+
+@pytest.mark.parametrize("options", [{"task": "push_box"}, {"setting": "varied"}, {"perturb": "size:3"}])
+def test_a_state_of_another_world_is_refused_and_changes_nothing(options, state_env, instant_placement):
+    other = BimanualEnv(**{"task": TASK} | options, obs="state")
+    for env in (other, state_env):
+        env.reset(seed=0)
+    before = state_env.state_hash()
+    with pytest.raises(InvalidChoice, match=f"but must be '{TASK} test'"):
+        state_env.restore_state(other.save_state())
+    assert state_env.state_hash() == before
+    other.close()
+
+
+def test_a_seed_means_another_episode_in_every_split_and_setting():
+    places_m = set()
+    for split, setting in product(SPLITS, SETTINGS):
+        env = BimanualEnv("dual_push_buttons", obs="state", split=split, setting=setting)
+        env.reset(seed=0)
+        places_m.add(tuple(env.scene.pose("left_button").position[:2]))
         env.close()
-    assert len(places) == 12
+    assert len(places_m) == len(SPLITS) * len(SETTINGS) == 6
+
+
+def test_variations_of_a_seed_share_no_layout_and_one_that_is_drawn_is_the_one_that_may_be_asked_for():
+    env = BimanualEnv("put_item_in_drawer", obs="state")
+    env.reset(seed=5)
+    drawn, drawn_hash, cabinets = env.variation, env.state_hash(), []
+    for variation in range(3):
+        env.reset(seed=5, options={"variation": variation})
+        cabinets.append(tuple(env.scene.pose("cabinet").position))
+        assert (env.state_hash() == drawn_hash) == (variation == drawn)
+    env.close()
+    assert len(set(cabinets)) == 3
 
 
 def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):

@@ -173,7 +173,6 @@ def test_frames_of_an_expert_hold_the_actions_that_solve_the_task() -> None:
 
 
 MEASURED_SEED = 3
-LIMITS = PANDA_PAIR.joint_limits
 
 
 @pytest.fixture(scope="module")
@@ -231,9 +230,9 @@ def test_commands_are_differentiated_over_ticks():
     load = meter.result()
     acceleration_rad_s2 = speed_rad_s / TICK_S
     expected = (
-        (load.velocity, speed_rad_s / LIMITS.velocity_rad_s[0]),
-        (load.acceleration, acceleration_rad_s2 / LIMITS.acceleration_rad_s2[0]),
-        (load.jerk, acceleration_rad_s2 / PHYSICS_STEP_S / LIMITS.jerk_rad_s3[0]),
+        (load.velocity, speed_rad_s / PANDA_PAIR.velocity_limit_rad_s[0]),
+        (load.acceleration, acceleration_rad_s2 / PANDA_PAIR.acceleration_limit_rad_s2[0]),
+        (load.jerk, acceleration_rad_s2 / PHYSICS_STEP_S / PANDA_PAIR.jerk_limit_rad_s3[0]),
     )
     for found, value in expected:
         assert found == pytest.approx(value, rel=1e-3)

@@ -57,9 +57,9 @@ def volume(vertices, faces):
 
 
 def test_meshes_have_the_volume_of_their_profile_or_of_their_box_but_for_the_corners():
-    assert volume(*lathe(CYLINDER, segments=400)) == pytest.approx(np.pi * 0.2**2 * 0.2, rel=1e-3)
+    assert volume(*lathe(CYLINDER)) == pytest.approx(np.pi * 0.2**2 * 0.2, rel=5e-3)
     hollow = np.pi * 0.2**2 * 0.1 - np.pi * 0.1**2 * 0.01
-    assert volume(*lathe(RING_FOOT, segments=400)) == pytest.approx(hollow, rel=1e-3)
+    assert volume(*lathe(RING_FOOT)) == pytest.approx(hollow, rel=5e-3)
     for radius in (0.02, 0.2):
         vertices, faces = slab((0.3, 0.2, 0.01), radius)
         assert np.abs(vertices).max(axis=0) == pytest.approx((0.3, 0.2, 0.01))

@@ -3,6 +3,7 @@
 import shutil
 
 import av
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -78,3 +79,10 @@ def test_an_environment_goes_on_after_a_video_that_could_not_be_finished(filming
     filming_env.step(filming_env.scene.commanded)
     filming_env.close()
     assert [path.name for path in tmp_path.iterdir()] == ["lift_ball_v0_val_seed6_unfinished.mp4"]
+    filming_env.reset(seed=7)
+    filming_env.step(filming_env.scene.commanded)
+    shutil.rmtree(tmp_path)
+    with pytest.raises(BimanualError, match="cannot write videos"):
+        filming_env.close()
+    with pytest.raises(gym.error.ResetNeeded):  # it is closed all the same
+        filming_env.step(filming_env.action_space.sample())

@@ -57,11 +57,10 @@ class ActionReader:
         self._strict = control_mode != "auto"
         self.lower = np.array([*arm_pair.joint_lower, 0.0] * len(ARMS), dtype=np.float32)
         self.upper = np.array([*arm_pair.joint_upper, 1.0] * len(ARMS), dtype=np.float32)
-        limits = arm_pair.joint_limits
         # A gripper goes from shut to open within a tick.
         self._most, self._more = np.full((2, JOINT_ACTION_DIM), 2.0)
-        by_arm(self._most)[:, :-1] = limits.velocity_rad_s * TICK_S
-        by_arm(self._more)[:, :-1] = limits.acceleration_rad_s2 * TICK_S**2
+        by_arm(self._most)[:, :-1] = arm_pair.velocity_limit_rad_s * TICK_S
+        by_arm(self._more)[:, :-1] = arm_pair.acceleration_limit_rad_s2 * TICK_S**2
 
     @property
     def lengths(self) -> tuple[int, ...]:

@@ -216,11 +216,8 @@ class Layout:
         model, data = env.scene.model, env.scene.data
         roots = [model.body(prop.name).id for prop in env.scene.props]
         bodies = np.flatnonzero(np.isin(model.body_rootid, roots))
-        return cls(
-            data.xpos[bodies].copy(),
-            data.xquat[bodies].copy(),
-            np.array([_size_m(env.scene, body) for body in bodies]),
-        )
+        sizes_m = np.array([_size_m(env.scene, body) for body in bodies])
+        return cls(data.xpos[bodies], data.xquat[bodies], sizes_m)
 
     def distance_m(self, other: Layout) -> float:
         """Distance of two layouts: the root of the summed squares of all differences in position, rotation and size."""

@@ -16,7 +16,7 @@ constant within a tick and step between two within one step of physics.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -60,9 +60,8 @@ BOUNDS = {
 """Of an expert's episode.
 
 A motor that gives all it has makes the arm late; Franka recommends to stay below and does not require it, so it may for
-moments. How hard an arm may push before it stops is for its user to choose: libfranka's examples set 20 N for free motion
-(`setDefaultBehavior`) and 100 N along an axis for impedance and force control, where contact is meant, as it is in tasks
-that squeeze and push; here 100 N bound the whole force. Fingers may move as fast as franka_description says of the hand.
+moments. `worlds.ProtectiveStop` says where the bound of force comes from. Fingers may move as fast as franka_description
+says of the hand.
 """
 
 
@@ -123,7 +122,7 @@ class LoadMeter:
     def result(self) -> LoadMetrics:
         """The peaks so far."""
         self._look_at_steps()
-        limits = self._scene.arm_pair.joint_limits
+        pair = self._scene.arm_pair
         actions = np.array(self._actions, dtype=np.float64).reshape(-1, len(ARMS), ARM_ACTION_DIM)
         joints = actions[..., :-1]
         velocity = np.diff(joints, axis=0) / TICK_S
@@ -131,9 +130,9 @@ class LoadMeter:
         jerk = np.diff(acceleration, axis=0) / PHYSICS_STEP_S
         found = self._peaks | {
             "saturated": self._saturated_steps / max(self._steps, 1),
-            "velocity": _peak(velocity / limits.velocity_rad_s),
-            "acceleration": _peak(acceleration / limits.acceleration_rad_s2),
-            "jerk": _peak(jerk / limits.jerk_rad_s3),
+            "velocity": _peak(velocity / pair.velocity_limit_rad_s),
+            "acceleration": _peak(acceleration / pair.acceleration_limit_rad_s2),
+            "jerk": _peak(jerk / pair.jerk_limit_rad_s3),
         }
         # Records hold as many digits as mean something.
         rounded = {name: float(f"{peak:.6g}") for name, peak in found.items()}
@@ -143,7 +142,7 @@ class LoadMeter:
         """Take the peaks of what was noted, and forget it."""
         if not self._torques_then:
             return
-        limits_nm = np.tile(self._scene.arm_pair.joint_limits.torque_nm, len(ARMS))
+        limits_nm = np.tile(self._scene.arm_pair.torque_limit_nm, len(ARMS))
         torques = np.abs(self._torques_then) / limits_nm
         sums = np.cumsum(self._speeds_then, axis=0)
         forces_n, depth_m, bodies = self._forces.take()
@@ -206,7 +205,7 @@ def run_measured(
 
 
 def replays(
-    env: BimanualEnv, seed: int, variation: int, actions: Iterable[ArrayLike], hashes: Sequence[int]
+    env: BimanualEnv, seed: int, variation: int, actions: Iterable[ArrayLike], hashes: list[int]
 ) -> bool:
     """Whether actions from a seed solve the episode through the recorded states, bit for bit, and no others.
 
@@ -229,7 +228,7 @@ def replays(
             if terminated or truncated or again != hashes[: len(again)]:
                 break
     note(env)
-    return env.progress.succeeded and again == list(hashes)
+    return env.progress.succeeded and again == hashes
 
 
 def keyframes_found(joint_actions: NDArray[np.float32], ticks: list[int]) -> bool:

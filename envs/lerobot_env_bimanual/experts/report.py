@@ -50,10 +50,11 @@ def make_report(
 
     `head` holds further fields of `ExpertReport`: `discretise`, `replay`, `first_seed`, `n_seeds`, `perturb` and `setting`.
     """
-    loads = {
-        key: [episode.load for episode in episodes if episode.load is not None]
-        for key, episodes in by_variation(outcomes).items()
-    }
+    loads = (
+        VariationLoad(task=task, variation=variation, load=peak_load(found))
+        for (task, variation), episodes in by_variation(outcomes).items()
+        if (found := [episode.load for episode in episodes if episode.load is not None])
+    )
     tasks = sorted({outcome.task for outcome in outcomes})
     left_out: dict[str, Any] = {"commands": (), "late_moves": (), "load": None}
     return ExpertReport(
@@ -64,11 +65,7 @@ def make_report(
         versions=simulation_versions(),
         worlds=world_versions(tasks, head.get("perturb", ""), head.get("setting", STANDARD)),
         violations=tuple(violations(player, split, bool(head.get("discretise")), outcomes)),
-        loads=tuple(
-            VariationLoad(task=task, variation=variation, load=peak_load(found))
-            for (task, variation), found in loads.items()
-            if found
-        ),
+        loads=tuple(loads),
         # An episode in a few hundred bytes: a replay from its seed gives what is left out.
         episodes=tuple(
             each.model_copy(update=left_out | {"state_hash": each.state_hash[:STATE_HASH_DIGITS]})

@@ -70,8 +70,7 @@ def world_version(task: str, perturb: str = "", setting: str = STANDARD) -> str:
         setting: "standard" or "varied".
 
     Raises:
-        InvalidChoice: there is no such task.
-        InvalidChoice: there is no such axis or level.
+        InvalidChoice: there is no such task, axis or level.
     """
     _say_if_uncertified()
     env = BimanualEnv(task, split=PROBE_SPLIT, obs="state", perturb=perturb, setting=setting)

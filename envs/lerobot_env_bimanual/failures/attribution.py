@@ -151,17 +151,11 @@ class FailureAttributor:
             end[1].ticks = end[1].keyposes = 0  # only time ended the episode, so more time is given
             if self._recovers(end, self._expert_from(count)):
                 return count, Responsible.TIME
-        last = next(
-            index
-            for index in reversed(range(count))
-            if self._recovers(states[index], self._expert_from(index))
-        )
+        backwards = reversed(range(count))
+        last = next(index for index in backwards if self._recovers(states[index], self._expert_from(index)))
+        better, afterwards = self._expert_from(last)[0], self._expert_from(last + 1)
         left, right = (
-            self._recovers(
-                states[last],
-                [_replaced(actions[last], self._expert_from(last)[0], arm), *self._expert_from(last + 1)],
-            )
-            for arm in ARMS
+            self._recovers(states[last], [_replaced(actions[last], better, arm), *afterwards]) for arm in ARMS
         )
         responsible = {
             (True, True): Responsible.EITHER,

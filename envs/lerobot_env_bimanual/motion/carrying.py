@@ -55,9 +55,6 @@ def _touched_by_both_fingers(scene: SceneView, arm: Arm) -> set[int]:
     """Root bodies of everything that touches both fingers."""
     model = scene.model
     bodies = model.geom_bodyid[scene.data.contact.geom.reshape(-1, 2)]
-    touched = []
-    for finger in scene.arm_pair.finger_names(arm):
-        on_finger = bodies == model.body(finger).id
-        others = bodies[on_finger[:, ::-1]]
-        touched.append(set(model.body_rootid[others].tolist()))
-    return touched[0] & touched[1]
+    fingers = (bodies == model.body(finger).id for finger in scene.arm_pair.finger_names(arm))
+    touched = (model.body_rootid[bodies[is_finger[:, ::-1]]] for is_finger in fingers)
+    return set.intersection(*(set(roots.tolist()) for roots in touched))

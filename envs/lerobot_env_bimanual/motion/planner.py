@@ -70,10 +70,6 @@ class _Motion:
     paces: dict[Arm, Pace] = field(default_factory=dict)
     line_fallbacks: int = 0
 
-    def add(self, arm: Arm, path: JointPath, pace: Pace) -> None:
-        self.paths[arm] = path
-        self.paces[arm] = pace
-
 
 class KeyposePlanner:
     """Plans keyposes from a scene's last joint action and the props' present positions.
@@ -108,9 +104,12 @@ class KeyposePlanner:
         for arm in ARMS:
             target, start = keypose[arm].pose, motion.start[arm]
             if stays(self._kinematics[arm], start, target.matrix):
-                motion.add(arm, JointPath(np.stack([start, start])), FREE)
+                motion.paths[arm], motion.paces[arm] = JointPath(np.stack([start, start])), FREE
                 continue
-            _require_inside(arm, target)
+            if not VOXEL_WORKSPACE.contains(target.position):
+                allowed = f"from {VOXEL_WORKSPACE.lower} to below {VOXEL_WORKSPACE.upper}"
+                place = f"position {_numbers(target.position)} m, allowed {allowed}"
+                raise KeyposeFailure(arm, f"outside the workspace: {place}")
             (straight if keypose[arm].ignore_collisions else free)[arm] = target
         self._add_straight(motion, straight)
         if free:
@@ -129,7 +128,8 @@ class KeyposePlanner:
                 start = motion.start[arm]
                 line = np.stack([start, self._goals(arm, start, targets[arm])[0]])
                 motion.line_fallbacks += 1
-            motion.add(arm, JointPath(line), PUSHING if is_beside_heavy(self._scene, arm) else CONTACT)
+            motion.paths[arm] = JointPath(line)
+            motion.paces[arm] = PUSHING if is_beside_heavy(self._scene, arm) else CONTACT
 
     def _add_free(self, motion: _Motion, targets: dict[Arm, Pose], rng: np.random.Generator) -> None:
         candidates = {arm: self._goals(arm, motion.start[arm], pose) for arm, pose in targets.items()}
@@ -144,25 +144,20 @@ class KeyposePlanner:
             if not self._is_free(rules, motion.paths | paths):
                 paths = self._search(motion, rules, goal, rng)
             if paths is not None:
-                for arm, path in paths.items():
-                    motion.add(arm, path, FREE)
+                motion.paths |= paths
+                motion.paces |= dict.fromkeys(paths, FREE)
                 return
-        failed = next(iter(targets)) if len(targets) == 1 else "both"
-        raise KeyposeFailure(
-            failed,
-            f"no collision-free path in {RRT_ITERATIONS} iterations for each of {len(goals)} goal postures"
-            if goals
-            else f"the goal is not free of collisions: {obstacle}",
-        )
+        reason = f"the goal is not free of collisions: {obstacle}"
+        if goals:
+            tried = f"{RRT_ITERATIONS} iterations for each of {len(goals)} goal postures"
+            reason = f"no collision-free path in {tried}"
+        raise KeyposeFailure(next(iter(targets)) if len(targets) == 1 else "both", reason)
 
     def _goals(self, arm: Arm, start: Array, target: Pose) -> list[Array]:
         goals = goal_postures(self._kinematics[arm], start, target.matrix)
         if not goals:
-            raise KeyposeFailure(
-                arm,
-                f"unreachable: no joint solution for position {_numbers(target.position)} m, "
-                f"quaternion wxyz {_numbers(target.quat_wxyz)}",
-            )
+            pose = f"position {_numbers(target.position)} m, quaternion wxyz {_numbers(target.quat_wxyz)}"
+            raise KeyposeFailure(arm, f"unreachable: no joint solution for {pose}")
         return goals
 
     def _free_goals(
@@ -234,15 +229,6 @@ class KeyposePlanner:
         arm_actions[: ticks + REST_TICKS, :, -1] = grippers
         arm_actions[ticks + REST_TICKS :, :, -1] = opened
         return Plan(arm_actions.reshape(-1, JOINT_ACTION_DIM), motion.line_fallbacks)
-
-
-def _require_inside(arm: Arm, target: Pose) -> None:
-    if not VOXEL_WORKSPACE.contains(target.position):
-        raise KeyposeFailure(
-            arm,
-            f"outside the workspace: position {_numbers(target.position)} m, allowed from "
-            f"{VOXEL_WORKSPACE.lower} to below {VOXEL_WORKSPACE.upper}",
-        )
 
 
 def _numbers(values: Array) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,6 @@ from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 Array = NDArray[np.floating]
-
-JOINT_LIMITS = PANDA_PAIR.joint_limits
 
 STEPS = 64
 """Stretches of the path in which speeds are chosen."""
@@ -56,17 +55,17 @@ class Pace:
     @property
     def velocity_rad_s(self) -> Array:
         """(7,) of each joint."""
-        return self.velocity_share * JOINT_LIMITS.velocity_rad_s
+        return self.velocity_share * PANDA_PAIR.velocity_limit_rad_s
 
     @property
     def acceleration_rad_s2(self) -> Array:
         """(7,) of each joint."""
-        return self.acceleration_share * JOINT_LIMITS.acceleration_rad_s2
+        return self.acceleration_share * PANDA_PAIR.acceleration_limit_rad_s2
 
     @property
     def acceleration_step_rad_s2(self) -> Array:
         """(7,) from one control tick to the next: within one step of physics, as it is constant within a tick."""
-        return self.acceleration_share * JOINT_LIMITS.jerk_rad_s3 * PHYSICS_STEP_S
+        return self.acceleration_share * PANDA_PAIR.jerk_limit_rad_s3 * PHYSICS_STEP_S
 
 
 FREE = Pace(velocity_share=0.8, acceleration_share=0.5, tip_m_s=1.2)
@@ -87,17 +86,11 @@ def is_beside_heavy(scene: SceneView, arm: Arm) -> bool:
     heavy = [body for body in np.flatnonzero(model.body_subtreemass >= HEAVY_KG) if is_free(model, body)]
     if not heavy:
         return False
-    parts = (scene.arm_pair.hand_body(arm), *scene.arm_pair.finger_names(arm))
-    hand = [model.body(name).id for name in parts]
     touchable = (model.geom_contype | model.geom_conaffinity) != 0
-    of_hand, of_heavy = (
-        np.flatnonzero(np.isin(model.geom_bodyid, bodies) & touchable).tolist() for bodies in (hand, heavy)
-    )
-    return any(
-        mujoco.mj_geomDistance(model, data, one, other, BESIDE_M, None) < BESIDE_M
-        for one in of_hand
-        for other in of_heavy
-    )
+    of_hand = np.flatnonzero(scene.geoms(scene.arm_pair.hand_body(arm)) & touchable).tolist()
+    of_heavy = np.flatnonzero(np.isin(model.geom_bodyid, heavy) & touchable).tolist()
+    pairs = product(of_hand, of_heavy)
+    return any(mujoco.mj_geomDistance(model, data, *pair, BESIDE_M, None) < BESIDE_M for pair in pairs)
 
 
 def tick_fractions(paths: Sequence[JointPath], paces: Sequence[Pace]) -> Array:

@@ -7,6 +7,7 @@ import functools
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +87,7 @@ def _change_lamps(start: Start, appearance: Appearance) -> Appearance:
         light_ambient=model.light_ambient * colour,
         light_diffuse=model.light_diffuse * colour,
     )
-    return lit.shadowed() if start.magnitude == start.axis.levels[-1] else lit
+    return replace(lit, casts_shadows=start.magnitude == start.axis.levels[-1])
 
 
 register(Axis(**data("light"), build=_attach_ambient_light, look=_change_lamps))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping
-from functools import partial
+from dataclasses import replace
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -51,7 +51,7 @@ def _move_cameras(start: Start, appearance: Appearance, *, calibrated: bool) -> 
         return {"cam_quat": quat_wxyz_multiply(quat_wxyz, turns_wxyz), "cam_pos": position_m + shifts_m}
 
     worn = appearance.wearing(**moved(appearance.fields))
-    return worn.calibrated(**moved(appearance.calibration)) if calibrated else worn
+    return replace(worn, calibration=moved(appearance.calibration)) if calibrated else worn
 
 
 def _normal(shape: tuple[int, ...], sigma: float, rng: np.random.Generator, dtype: DTypeLike) -> NDArray:
@@ -60,7 +60,7 @@ def _normal(shape: tuple[int, ...], sigma: float, rng: np.random.Generator, dtyp
     return _noise_table(count, sigma, np.dtype(dtype))[begin : begin + count].reshape(shape)
 
 
-@functools.lru_cache(maxsize=16)
+@lru_cache(maxsize=16)
 def _noise_table(count: int, sigma: float, dtype: np.dtype) -> NDArray:
     """The same numbers in every process."""
     numbers = np.random.default_rng(0).standard_normal(NOISE_OFFSETS + count, dtype=np.float32)

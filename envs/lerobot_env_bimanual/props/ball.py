@@ -37,13 +37,8 @@ class Ball:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the ball and its print."""
-        texture = spec.add_texture(
-            name=self.name,
-            type=mujoco.mjtTexture.mjTEXTURE_CUBE,
-            width=TEXTURE_FACE_PIXELS,
-            height=6 * TEXTURE_FACE_PIXELS,
-            nchannel=3,
-        )
+        kind, side = mujoco.mjtTexture.mjTEXTURE_CUBE, TEXTURE_FACE_PIXELS
+        texture = spec.add_texture(name=self.name, type=kind, width=side, height=6 * side, nchannel=3)
         texture.data = beach_ball_texture().tobytes()
         material = spec.add_material(name=self.name, specular=0.3, shininess=0.4)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = self.name

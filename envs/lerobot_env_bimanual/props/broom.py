@@ -31,12 +31,13 @@ POLE_Y_M = 0.085
 POLE_RADIUS_M = 0.012
 STAND_RADIUS_M = 0.055
 STAND_HALF_HEIGHT_M = 0.006
+FORK_Z_M, FORK_GAP_M = 0.235, 0.028
 PRONG_HALF_M = (0.004, 0.045, 0.012)
 PRONG_Y_M = 0.030
 BAR_HALF_M = (0.022, 0.008, 0.012)
 BAR_Y_M = 0.073
 TIP_HALF_LENGTH_M = 0.006
-"""The stand's pole and foot, the prongs of its fork, the bar that joins them, and their rubber tips."""
+"""The stand's pole and foot, its fork with two prongs, the bar that joins them, and their rubber tips."""
 
 
 @dataclass(frozen=True)
@@ -118,25 +119,21 @@ class BroomStand:
 
     Attributes:
         name: body.
-        fork_height_m: of the fork's middle above the table.
-        gap_m: between the prongs.
     """
 
     name: str = "stand"
-    fork_height_m: float = 0.235
-    gap_m: float = 0.028
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write foot, pole and fork, and rubber tips for the eye."""
         body = spec.worldbody.add_body(name=self.name)
-        z, half_height = self.fork_height_m, (self.fork_height_m + PRONG_HALF_M[2]) / 2
+        z, half_height = FORK_Z_M, (FORK_Z_M + PRONG_HALF_M[2]) / 2
         foot_z = STAND_HALF_HEIGHT_M
         prop.add_cylinder(body, (0, POLE_Y_M, foot_z), STAND_RADIUS_M, STAND_HALF_HEIGHT_M, rgba=RUBBER)
         prop.add_cylinder(body, (0, POLE_Y_M, half_height), POLE_RADIUS_M, half_height, rgba=STEEL)
         prop.add_box(body, (0, BAR_Y_M, z), BAR_HALF_M, rgba=STEEL)
         half_x, half_y, half_z = PRONG_HALF_M
         for side in (-1, 1):
-            x = side * (self.gap_m / 2 + half_x)
+            x = side * (FORK_GAP_M / 2 + half_x)
             prop.add_box(body, (x, PRONG_Y_M, z), PRONG_HALF_M, rgba=STEEL)
             tip = (half_x + 0.0008, TIP_HALF_LENGTH_M, half_z + 0.0008)
             prop.draw_box(body, (x, PRONG_Y_M - half_y + TIP_HALF_LENGTH_M, z), tip, rgba=RUBBER)

@@ -2,22 +2,14 @@
 
 from dataclasses import dataclass
 from itertools import product
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props import prop
 from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
-from lerobot_env_bimanual.props.prop import (
-    ON_RUBBER,
-    SLIDE,
-    UNSEEN,
-    add_box,
-    add_capsule,
-    add_cylinder,
-    add_joint,
-    draw_box,
-)
 
 CASE = (0.72, 0.624, 0.48, 1.0)
 FRONT = (0.80, 0.71, 0.57, 1.0)
@@ -54,6 +46,7 @@ TRAY_WALL_Z_M = -0.012
 FRONT_GAP_M = 0.001
 HANDLE_STAND_OFF_M = 0.040
 """Between bar and front: room for two fingers."""
+HANDLE_Y_M = SIDE_M / 2 + FRONT_GAP_M + 2 * FRONT_HALF_M[1] + HANDLE_STAND_OFF_M
 POST_RADIUS_M = 0.005
 FIRM = (0.004, 1.0)
 """Contact of the boards: as hard as the step of physics allows, or a dropped block would sink through the floor."""
@@ -72,16 +65,14 @@ class DrawerCabinet:
         longer_legs_m: by how much the legs go on below the frame, so that the cabinet can be placed higher.
     """
 
+    top_m: ClassVar[float] = LEG_HEIGHT_M + SIDE_M
+    """Height of the top above the table."""
+
     name: str = "cabinet"
     handle_half_length_m: float = 0.0375
     handle_radius_m: float = 0.0075
     handle_gives_m: float = 0.0
     longer_legs_m: float = 0.0
-
-    @property
-    def top_m(self) -> float:
-        """Height of the top above the table."""
-        return LEG_HEIGHT_M + SIDE_M
 
     def drawer(self, level: str) -> str:
         """Name of a drawer's body."""
@@ -89,7 +80,7 @@ class DrawerCabinet:
 
     def handle(self, level: str) -> NDArray[np.float64]:
         """(3,) middle of a closed drawer's handle in the cabinet's frame, m."""
-        return np.array([0.0, _handle_y(), HANDLE_HEIGHTS_M[level]])
+        return np.array([0.0, HANDLE_Y_M, HANDLE_HEIGHTS_M[level]])
 
     @property
     def drawer_inside(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -113,13 +104,13 @@ class DrawerCabinet:
         half, wall, middle = SIDE_M / 2, WALL_HALF_M, LEG_HEIGHT_M + SIDE_M / 2
         for side in (-1, 1):
             inset = side * (half - wall)
-            add_box(body, (inset, 0, middle), (wall, half, half), rgba=CASE)
-            add_box(body, (0, 0, middle + inset), (half - 2 * wall, half, wall), rgba=CASE)
+            prop.add_box(body, (inset, 0, middle), (wall, half, half), rgba=CASE)
+            prop.add_box(body, (0, 0, middle + inset), (half - 2 * wall, half, wall), rgba=CASE)
         inner = half - 2 * wall
-        add_box(body, (0, wall - half, middle), (inner, wall, inner), rgba=CASE)
+        prop.add_box(body, (0, wall - half, middle), (inner, wall, inner), rgba=CASE)
         # What is seen through the gaps between the fronts.
         for height in (0.225, 0.345):
-            draw_box(body, (0, half - 0.004, height), (inner, 0.003, 0.006), rgba=GAP)
+            prop.draw_box(body, (0, half - 0.004, height), (inner, 0.003, 0.006), rgba=GAP)
 
     def _add_legs(self, spec, body) -> None:
         top, foot = LEG_RADIUS_M
@@ -128,12 +119,12 @@ class DrawerCabinet:
         add_mesh(spec, mesh, lathe([(0, low), (foot, low), (top, LEG_HEIGHT_M), (0, LEG_HEIGHT_M)]))
         for x, y in product((-(SIDE_M / 2 - LEG_INSET_M), SIDE_M / 2 - LEG_INSET_M), repeat=2):
             draw_mesh(body, mesh, pos=(x, y, 0), rgba=LEG)
-            add_cylinder(body, (x, y, low + half), top, half, **UNSEEN)
+            prop.add_cylinder(body, (x, y, low + half), top, half, **prop.UNSEEN)
 
     def _add_drawer(self, cabinet, level: str) -> None:
         drawer = cabinet.add_body(name=self.drawer(level), pos=(0, 0, HANDLE_HEIGHTS_M[level]))
         brake = (SLIDE_FRICTION_N, SLIDE_DAMPING_N_S_M)
-        add_joint(drawer, SLIDE, f"{self.drawer(level)}_slide", (0, 1, 0), (0, TRAVEL_M), *brake)
+        prop.add_joint(drawer, prop.SLIDE, f"{self.drawer(level)}_slide", (0, 1, 0), (0, TRAVEL_M), *brake)
         front_y = SIDE_M / 2 + FRONT_GAP_M + FRONT_HALF_M[1]
         self._add_board(drawer, "front", (0, front_y, 0), FRONT_HALF_M, FRONT)
         x, y, z = TRAY_HALF_M
@@ -146,23 +137,19 @@ class DrawerCabinet:
             self._add_board(drawer, "wall", place, (BOARD_HALF_M, y, z), TRAY)
         self._add_handle(drawer)
         panel = (FRONT_HALF_M[0] - 0.022, 0.0008, FRONT_HALF_M[2] - 0.018)
-        draw_box(drawer, (0, front_y + FRONT_HALF_M[1], 0), panel, rgba=PANEL)
+        prop.draw_box(drawer, (0, front_y + FRONT_HALF_M[1], 0), panel, rgba=PANEL)
 
     def _add_board(self, body, part: str, position, half, rgba) -> None:
-        add_box(body, position, half, mass=PART_MASSES_KG[part], rgba=rgba, solref=FIRM)
+        prop.add_box(body, position, half, mass=PART_MASSES_KG[part], rgba=rgba, solref=FIRM)
 
     def _add_handle(self, drawer) -> None:
-        y, x, gives_m = _handle_y(), self.handle_half_length_m, self.handle_gives_m
+        y, x, gives_m = HANDLE_Y_M, self.handle_half_length_m, self.handle_gives_m
         if gives_m:
             rubber = f"{drawer.name}_rubber"
             drawer = drawer.add_body(name=f"{drawer.name}_handle")
-            add_joint(drawer, SLIDE, rubber, (1, 0, 0), (-gives_m, gives_m), **ON_RUBBER)
+            prop.add_joint(drawer, prop.SLIDE, rubber, (1, 0, 0), (-gives_m, gives_m), **prop.ON_RUBBER)
         bar = (-x, y, 0, x, y, 0)
-        add_capsule(drawer, bar, self.handle_radius_m, mass=PART_MASSES_KG["bar"], rgba=METAL)
+        prop.add_capsule(drawer, bar, self.handle_radius_m, mass=PART_MASSES_KG["bar"], rgba=METAL)
         for side in (-x, x):
             post = (side, y, 0, side, y - HANDLE_STAND_OFF_M, 0)
-            add_capsule(drawer, post, POST_RADIUS_M, mass=PART_MASSES_KG["post"], rgba=METAL)
-
-
-def _handle_y() -> float:
-    return SIDE_M / 2 + FRONT_GAP_M + 2 * FRONT_HALF_M[1] + HANDLE_STAND_OFF_M
+            prop.add_capsule(drawer, post, POST_RADIUS_M, mass=PART_MASSES_KG["post"], rgba=METAL)

@@ -1,6 +1,7 @@
 """A narrow fridge with two doors, of which the upper one opens."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ COMPARTMENT_FLOOR_M = 0.380
 """Upper side of the board that parts the two compartments."""
 SHELF_M = 0.679
 SHELF_HALF_M = 0.004
+SHELF_FRICTION = (0.6, 0.005, 0.0001)
 
 # Of the doors, in the fridge's frame: +x goes inside, the hinge is at the edge on the side of -y.
 DOOR_HALF_THICKNESS_M = 0.010
@@ -58,16 +60,12 @@ class Fridge:
 
     Attributes:
         name: body; also the prefix of the upper door (`..._door`) and its hinge (`..._hinge`).
-        friction: of the shelves.
     """
 
-    name: str = "fridge"
-    friction: float = 0.6
+    front_m: ClassVar[float] = -HALF_DEPTH_M
+    """The plane of the opening: its x in the fridge's frame."""
 
-    @property
-    def front_m(self) -> float:
-        """The plane of the opening: its x in the fridge's frame."""
-        return -HALF_DEPTH_M
+    name: str = "fridge"
 
     @property
     def compartment(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -102,7 +100,7 @@ class Fridge:
             ((-wall, 0, floor), (x - wall, y - 2 * wall, wall), LINER),  # ends at the back wall
             ((0, 0, SHELF_M), (x - 0.020, y - 2 * wall, SHELF_HALF_M), SHELF),
         ):
-            add_box(body, middle, half, rgba=rgba, friction=(self.friction, 0.005, 0.0001), solref=(0.005, 1))
+            add_box(body, middle, half, rgba=rgba, friction=SHELF_FRICTION, solref=(0.005, 1))
         self._line(body)
 
     def _line(self, body) -> None:

@@ -27,17 +27,16 @@ def draw_mesh(body: mujoco.MjsBody, mesh: str, **settings: Any) -> None:
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, **VISUAL_ONLY | settings)
 
 
-def lathe(profile: Sequence[tuple[float, float]], segments: int = SEGMENTS) -> Mesh:
+def lathe(profile: Sequence[tuple[float, float]]) -> Mesh:
     """A closed body of revolution about the z axis.
 
     Args:
         profile: radius and height of the outline in metres, from the axis along the outside back to the axis:
             with the axis to the left of the drawing, counter-clockwise. The first and the last radius are 0.
-        segments: sides of the body.
     """
     radii, heights = np.array(profile[1:-1]).T
-    angles = np.arange(segments) * 2 * np.pi / segments
-    rings = np.empty((len(radii), segments, 3))
+    angles = np.arange(SEGMENTS) * 2 * np.pi / SEGMENTS
+    rings = np.empty((len(radii), SEGMENTS, 3))
     rings[..., 0] = radii[:, None] * np.cos(angles)
     rings[..., 1] = radii[:, None] * np.sin(angles)
     rings[..., 2] = heights[:, None]

@@ -1,6 +1,7 @@
 """An oven with a door that tips open and a rack that slides out."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,20 +74,15 @@ class Oven:
         rack_m: height of the rack's middle above the table.
     """
 
+    top_m: ClassVar[float] = HEIGHT_M
+    """Height of the top above the table."""
+    front_m: ClassVar[float] = -HALF_DEPTH_M
+    """The plane of the opening: its x in the oven's frame."""
+
     name: str = "oven"
     handle_y_m: tuple[float, float] = (-0.085, 0.085)
     handle_radius_m: float = 0.010
     rack_m: float = 0.2885
-
-    @property
-    def top_m(self) -> float:
-        """Height of the top above the table."""
-        return HEIGHT_M
-
-    @property
-    def front_m(self) -> float:
-        """The plane of the opening: its x in the oven's frame."""
-        return -HALF_DEPTH_M
 
     @property
     def rack_top_m(self) -> float:

@@ -154,10 +154,7 @@ def _joint_frames() -> tuple[Array, Array, Array]:
     sine[:, 0, 2, 0] = cosine[:, 0, 2, 1] = sine_twist
     constant[:, 0, 1, 2], constant[:, 0, 2, 2] = -sine_twist, cosine_twist
     constant[:, 0, 0, 3] = panda.LINK_LENGTH_M
-    constant[:, 0, 1, 3], constant[:, 0, 2, 3] = (
-        -sine_twist * panda.LINK_OFFSET_M,
-        cosine_twist * panda.LINK_OFFSET_M,
-    )
+    constant[:, 0, 1:3, 3] = constant[:, 0, 1:3, 2] * np.array(panda.LINK_OFFSET_M)[:, None]  # along the axis
     constant[:, 0, 3, 3] = 1.0
     return constant, sine, cosine
 

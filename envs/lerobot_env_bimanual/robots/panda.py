@@ -181,18 +181,9 @@ def _add_finger(hand, name: str, pad: str, yaw: float):
     add_box(finger, (0, 0.0145, 0.011), (0.0105, 0.007, 0.011), **UNSEEN)
     add_box(finger, (0, 0.008, 0.031), (0.0085, 0.006, 0.016), **UNSEEN)
     # Hard, grippy rubber whose friction wins over whatever it touches.
-    add_box(
-        finger,
-        (0, 0.004, 0.0445),
-        (0.0095, 0.004, 0.0105),
-        name=pad,
-        rgba=DARK,
-        condim=4,
-        friction=(1.5, 0.02, 0.0005),
-        solref=STIFF_SOLREF,
-        solimp=STIFF_SOLIMP,
-        priority=1,
-    )
+    rubber = {"condim": 4, "friction": (1.5, 0.02, 0.0005), "priority": 1}
+    hard = {"solref": STIFF_SOLREF, "solimp": STIFF_SOLIMP}
+    add_box(finger, (0, 0.004, 0.0445), (0.0095, 0.004, 0.0105), name=pad, rgba=DARK, **rubber, **hard)
     return finger
 
 

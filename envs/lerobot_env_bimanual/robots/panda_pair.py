@@ -1,7 +1,6 @@
 """Two Pandas that face each other across the table: a pair of arms as the rest of the world uses it."""
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,21 +14,6 @@ from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 FINGERS = (1, 2)
 ELBOW = 4
 """Number of the joint whose link is the last of the upper arm."""
-
-
-@dataclass(frozen=True, eq=False)
-class JointLimits:
-    """What the joints of the real arm can do at most, (7,) each.
-
-    Attributes:
-        torque_nm: of the motors, the arm's weight included.
-        velocity_rad_s: of commanded joints, as are acceleration and jerk.
-    """
-
-    torque_nm: np.ndarray
-    velocity_rad_s: np.ndarray
-    acceleration_rad_s2: np.ndarray
-    jerk_rad_s3: np.ndarray
 
 
 class ArmPair:
@@ -52,12 +36,11 @@ class ArmPair:
     """(7,) rad, the joints of either arm at reset."""
     joint_lower, joint_upper = panda.JOINT_LOWER, panda.JOINT_UPPER
     """(7,) rad each."""
-    joint_limits = JointLimits(
-        np.array(panda.TORQUE_LIMIT_NM),
-        panda.VELOCITY_LIMIT_RAD_S,
-        panda.ACCELERATION_LIMIT_RAD_S2,
-        panda.JERK_LIMIT_RAD_S3,
-    )
+    torque_limit_nm = panda.TORQUE_LIMIT_NM
+    """(7,) of the real arm's motors, its weight included."""
+    velocity_limit_rad_s = panda.VELOCITY_LIMIT_RAD_S
+    acceleration_limit_rad_s2, jerk_limit_rad_s3 = panda.ACCELERATION_LIMIT_RAD_S2, panda.JERK_LIMIT_RAD_S3
+    """(7,) each, of the real arm's commanded joints."""
     position_gain_nm_rad = panda.POSITION_GAIN
     """(7,) of the joints' servos."""
     servo_lead_s = panda.VELOCITY_GAIN_RATIO_S

@@ -38,11 +38,8 @@ def register[T: Task](task_class: type[T]) -> type[T]:
     """
     spec = task_class.spec
     for other in TASKS.loaded.values():
-        if other.spec.name == spec.name or other.spec.id == spec.id:
-            raise ValueError(
-                f"task {spec.name!r} (id {spec.id}) clashes with {other.spec.name!r} (id {other.spec.id}); "
-                "names and ids must be unique"
-            )
+        if other.spec.id == spec.id:
+            raise ValueError(f"task {spec.name!r} has the id of {other.spec.name!r}; ids must be unique")
     TASKS.add(spec.name, task_class)
     return task_class
 

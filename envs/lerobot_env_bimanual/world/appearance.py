@@ -35,14 +35,6 @@ class Appearance:
         """This appearance with other values of some fields, each in the model's shape."""
         return replace(self, fields={**self.fields, **fields})
 
-    def calibrated(self, **fields: NDArray) -> Appearance:
-        """This appearance with other camera poses in the calibration."""
-        return replace(self, calibration={**self.calibration, **fields})
-
-    def shadowed(self) -> Appearance:
-        """This appearance with lights that cast shadows."""
-        return replace(self, casts_shadows=True)
-
     @cached_property
     def fingerprint(self) -> bytes:
         """Equal for appearances whose images are equal, so that what has been drawn can be kept."""
@@ -60,10 +52,10 @@ def applied(model: mujoco.MjModel, data: mujoco.MjData, fields: Mapping[str, NDA
         return
     kept = {name: getattr(model, name).copy() for name in fields}
     followed = {name: getattr(data, name).copy() for name in FOLLOWING}
-    for name, values in fields.items():
-        getattr(model, name)[:] = values
-    mujoco.mj_camlight(model, data)
     try:
+        for name, values in fields.items():
+            getattr(model, name)[:] = values
+        mujoco.mj_camlight(model, data)
         yield
     finally:
         for name, values in kept.items():

@@ -8,15 +8,7 @@ import numpy as np
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import (
-    COMMON_LAYER,
-    TABLE_ONLY,
-    VISUAL_ONLY,
-    Prop,
-    add_box,
-    add_camera,
-    draw_box,
-)
+from lerobot_env_bimanual.props import prop
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.textures import add_material, boards, plaster
 
@@ -61,7 +53,7 @@ NEAR_M = 0.01
 FAR_M = 10.0
 
 
-def build_spec(props: Sequence[Prop]) -> mujoco.MjSpec:
+def build_spec(props: Sequence[prop.Prop]) -> mujoco.MjSpec:
     """A complete model: room, arms, then props in the given order."""
     spec = mujoco.MjSpec()
     spec.modelname = "bimanual"
@@ -70,8 +62,8 @@ def build_spec(props: Sequence[Prop]) -> mujoco.MjSpec:
     _set_physics(spec)
     _add_room(spec)
     PANDA_PAIR.add_to(spec)
-    for prop in props:
-        prop.add_to(spec)
+    for each in props:
+        each.add_to(spec)
     return spec
 
 
@@ -90,7 +82,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     _add_walls(spec)
     _add_table(spec)
     for name, (position, target, fovy_deg) in FIXED_CAMERAS.items():
-        add_camera(spec.worldbody, name, position, target, fovy_deg, up=(0, 0, 1))
+        prop.add_camera(spec.worldbody, name, position, target, fovy_deg, up=(0, 0, 1))
 
 
 def _add_walls(spec: mujoco.MjSpec) -> None:
@@ -103,18 +95,12 @@ def _add_walls(spec: mujoco.MjSpec) -> None:
     # A plane's size is that of its picture; where it stops things it has no end.
     world.add_geom(name="floor", type=plane, pos=(x, y, 0), size=(side, side, 1), material="floor")
     ceiling = {"pos": (x, y, ROOM_HEIGHT_M), "quat": (0, 1, 0, 0), "rgba": CEILING}
-    world.add_geom(type=plane, size=(side, side, 1), **ceiling, **VISUAL_ONLY)
+    world.add_geom(type=plane, size=(side, side, 1), **ceiling, **prop.VISUAL_ONLY)
     for yaw_rad in np.arange(4) * np.pi / 2:
         inward = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0])
         rotation = np.column_stack([np.cross((0, 0, 1), inward), (0, 0, 1), inward])
-        world.add_geom(
-            type=plane,
-            pos=(x, y, half_height) - side * inward,
-            size=(side, half_height, 1),
-            quat=matrix_to_quat_wxyz(rotation),
-            material="wall",
-            **VISUAL_ONLY,
-        )
+        wall = {"pos": (x, y, half_height) - side * inward, "quat": matrix_to_quat_wxyz(rotation)}
+        world.add_geom(type=plane, size=(side, half_height, 1), material="wall", **wall, **prop.VISUAL_ONLY)
 
 
 def _set_depth_range(spec: mujoco.MjSpec) -> None:
@@ -160,17 +146,11 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     world = spec.worldbody
     half_x, half_y, half_z = TABLE_HALF_SIZE_M
     centre_x, centre_y = TABLE_CENTRE_XY_M
-    add_box(
-        world,
-        (centre_x, centre_y, TABLE_HEIGHT_M - half_z),
-        TABLE_HALF_SIZE_M,
-        name="table",
-        material="table",
-        contype=COMMON_LAYER,
-        conaffinity=COMMON_LAYER | TABLE_ONLY,
-    )
+    middle = (centre_x, centre_y, TABLE_HEIGHT_M - half_z)
+    layers = {"contype": prop.COMMON_LAYER, "conaffinity": prop.COMMON_LAYER | prop.TABLE_ONLY}
+    prop.add_box(world, middle, TABLE_HALF_SIZE_M, name="table", material="table", **layers)
     leg_height = TABLE_HEIGHT_M - 2 * half_z
     leg = (LEG_HALF_SIDE_M, LEG_HALF_SIDE_M, leg_height / 2)
     for side_x, side_y in product((-1, 1), repeat=2):
         x, y = centre_x + side_x * (half_x - LEG_INSET_M), centre_y + side_y * (half_y - LEG_INSET_M)
-        draw_box(world, (x, y, leg_height / 2), leg, rgba=LEG_GREY)
+        prop.draw_box(world, (x, y, leg_height / 2), leg, rgba=LEG_GREY)

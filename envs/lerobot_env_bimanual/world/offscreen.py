@@ -1,10 +1,8 @@
 """An off-screen OpenGL context that draws scenes of one model."""
 
 import atexit
-import contextlib
 import threading
 import weakref
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -86,7 +84,8 @@ class Offscreen:
         self._shape = (height, width)
         self._rect = mujoco.MjrRect(0, 0, width, height)
         try:
-            with _offscreen_settings(model, height, width, quality), _making_a_context, device_chosen():
+            _set_offscreen(model, height, width, quality)
+            with _making_a_context, device_chosen():
                 gl = mujoco.GLContext(width, height)
                 gl.make_current()
                 self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
@@ -176,23 +175,9 @@ def _free(gl, mjr) -> None:
     gl.free()
 
 
-@contextlib.contextmanager
-def _offscreen_settings(model: mujoco.MjModel, height: int, width: int, quality: Quality) -> Iterator[None]:
-    """Lend the model the frame-buffer settings that MuJoCo reads from it when a context is made."""
-    lent = (
-        (model.vis.global_, "offheight", height),
-        (model.vis.global_, "offwidth", width),
-        (model.vis.quality, "offsamples", quality.samples),
-        (model.vis.quality, "shadowsize", quality.shadow_map_size),
-        (model.vis.quality, "numslices", quality.slices),
-        (model.vis.quality, "numstacks", quality.slices // 2),
-        (model.vis.quality, "numquads", quality.quads),
-    )
-    kept = [getattr(section, field) for section, field, _ in lent]
-    for section, field, value in lent:
-        setattr(section, field, value)
-    try:
-        yield
-    finally:
-        for (section, field, _), value in zip(lent, kept, strict=True):
-            setattr(section, field, value)
+def _set_offscreen(model: mujoco.MjModel, height: int, width: int, quality: Quality) -> None:
+    """Write what MuJoCo reads from a model when a context is made, and never again."""
+    buffer, looks = model.vis.global_, model.vis.quality
+    buffer.offheight, buffer.offwidth = height, width
+    looks.offsamples, looks.shadowsize = quality.samples, quality.shadow_map_size
+    looks.numslices, looks.numstacks, looks.numquads = quality.slices, quality.slices // 2, quality.quads

@@ -90,23 +90,20 @@ def to_image(values: Field) -> Image:
     return np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8)
 
 
-def add_material(
-    spec: mujoco.MjSpec, name: str, image: Image, repeat: tuple[float, float] = (1, 1), shine: float = 0.0
-) -> None:
-    """Add a texture and a material of the same name that shows it.
+def add_material(spec: mujoco.MjSpec, name: str, image: Image, repeat: tuple[float, float] = (1, 1)) -> None:
+    """Add a texture and a dull material of the same name that shows it.
 
     Args:
         spec: the model under construction.
         name: of both.
         image: the texture.
         repeat: times along x and y of the geom that wears it.
-        shine: specular share, 0..1.
     """
     height, width, _ = image.shape
     kind = mujoco.mjtTexture.mjTEXTURE_2D
     texture = spec.add_texture(name=name, type=kind, width=width, height=height, nchannel=3)
     texture.data = image[::-1].tobytes()  # MuJoCo counts rows from below
-    material = spec.add_material(name=name, texrepeat=repeat, specular=shine, shininess=0.3, reflectance=0.0)
+    material = spec.add_material(name=name, texrepeat=repeat, specular=0.0, shininess=0.3, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 

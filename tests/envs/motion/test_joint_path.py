@@ -88,7 +88,6 @@ def test_a_closed_wall_has_no_way_around():
     assert _find(lambda point: abs(point[0]) >= 0.1, max_iterations=300) is None
 
 
-JOINTS = PANDA_PAIR.joint_limits
 BOTH = [PANDA_PAIR.kinematics[arm] for arm in ARMS]
 STILL = JointPath(np.stack([HOME, HOME]))
 
@@ -124,14 +123,14 @@ def test_no_motion_breaks_a_limit_of_velocity_acceleration_or_jerk(pace, seed):
     assert fractions[-1] == 1.0
     for path in paths:
         velocity, acceleration, step = rates(path.at(np.append(0.0, fractions)))
-        assert (velocity <= 1.001 * pace.velocity_share * JOINTS.velocity_rad_s).all()
-        assert (acceleration <= 1.001 * pace.acceleration_share * JOINTS.acceleration_rad_s2).all()
-        assert (step <= 1.001 * pace.acceleration_share * JOINTS.jerk_rad_s3 * 0.002).all()
+        assert (velocity <= 1.001 * pace.velocity_share * PANDA_PAIR.velocity_limit_rad_s).all()
+        assert (acceleration <= 1.001 * pace.acceleration_share * PANDA_PAIR.acceleration_limit_rad_s2).all()
+        assert (step <= 1.001 * pace.acceleration_share * PANDA_PAIR.jerk_limit_rad_s3 * 0.002).all()
 
 
 def test_a_long_swing_uses_the_speed_it_may_and_takes_hardly_longer_than_it_must():
     path, pace = swing(0, 2.0), time_law.Pace(velocity_share=0.5, acceleration_share=0.2, tip_m_s=9.0)
-    speed, push = 0.5 * JOINTS.velocity_rad_s[0], 0.2 * JOINTS.acceleration_rad_s2[0]
+    speed, push = 0.5 * PANDA_PAIR.velocity_limit_rad_s[0], 0.2 * PANDA_PAIR.acceleration_limit_rad_s2[0]
     fastest_s = 2.0 / speed + speed / push
     ticks = len(law(path, pace=pace))
     assert fastest_s * CONTROL_HZ < ticks <= (fastest_s + time_law.SMOOTHING_S) * CONTROL_HZ + 2
