@@ -44,12 +44,17 @@ def with_table(page: str, name: str) -> str:
 
 
 def _results() -> str:
-    """Means over tasks in percent, a line per policy and a column per protocol; lines without any are left out."""
+    """Means over tasks in percent, a line per policy and a column per protocol; lines without any are left out.
+
+    Intervals are those of policies alone.
+    """
     if not LEADERBOARD.is_dir():
         return NO_RESULTS
     board = board_table(results_table(read_results(LEADERBOARD).values()))
     scored = board[board.drop(columns="policy").ne(ABSENT).any(axis=1)]
-    rows = [[*board], ["---"] * len(board.columns), *scored.values.tolist()]
+    is_policy = scored.policy.str.startswith("`")
+    shown = scored.where(is_policy, scored.replace(r" \(.*", "", regex=True))
+    rows = [[*shown], ["---"] * len(shown.columns), *shown.values.tolist()]
     table = "\n".join(f"|{'|'.join(row)}|" for row in rows)  # without the padding of `markdown_table`
     return table.replace("% to ", "-").replace("%", "")
 
