@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import keyword
 import re
+import sys
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 from lerobot_bimanual.cli.lerobot_flags import known_kinds
@@ -33,7 +35,12 @@ def task_new(config: NewConfig) -> None:
         lerobot-bimanual task new --name=raise_block
     """
     package = _folder("lerobot_env_bimanual")
-    taken = [path.stem for path in package.glob("tasks/*.py")]
+    tasks = [path.stem for path in package.glob("tasks/*.py")]
+    taken = {
+        *tasks,
+        *sys.stdlib_module_names,
+        *packages_distributions(),
+    }  # it would be imported in their place
     _write(package / "new_task", "raise_block", config.name, config.output or Path(config.name), taken)
 
 

@@ -67,7 +67,7 @@ REFUSED = {
     },
     "policy robustness": {"checkpoint=nowhere": "no checkpoint at nowhere", "axes=masse": "no checkpoint"},
     "policy new": {"name=act": "'act', which is taken"},
-    "task new": {"name=lift_ball": "'lift_ball', which is taken"},
+    "task new": {"name=lift_ball": "'lift_ball', which is taken", "name=torch": "'torch', which is taken"},
     "task view": {
         "task=lift_bal": "Did you mean 'lift_ball'?",
         "variation=7": "variation of lift_ball is '7'",
