@@ -28,11 +28,14 @@ from lerobot_env_bimanual.tasks.registry import (
 )
 
 
-@pytest.mark.parametrize("changes", [{"name": "new_name"}, {"id": 99}])
-def test_a_second_task_with_the_same_name_or_id_is_refused(changes):
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [({"name": "new_name"}, "has the id of 'push_box'"), ({"id": 99}, "another task is called 'push_box'")],
+)
+def test_a_second_task_with_the_same_name_or_id_is_refused(changes, message):
     original = type(get_task("push_box"))
     twin = type("Twin", (original,), {"spec": replace(original.spec, **changes)})
-    with pytest.raises(ValueError, match="clashes with 'push_box'"):
+    with pytest.raises(ValueError, match=message):
         register(twin)
     assert get_task("push_box").__class__ is original
 
