@@ -36,11 +36,8 @@ def task_new(config: NewConfig) -> None:
     """
     package = _folder("lerobot_env_bimanual")
     tasks = [path.stem for path in package.glob("tasks/*.py")]
-    taken = {
-        *tasks,
-        *sys.stdlib_module_names,
-        *packages_distributions(),
-    }  # it would be imported in their place
+    hidden = (*sys.stdlib_module_names, *packages_distributions())  # a module of such a name would hide them
+    taken = (*tasks, *hidden)
     _write(package / "new_task", "raise_block", config.name, config.output or Path(config.name), taken)
 
 

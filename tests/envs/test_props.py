@@ -6,7 +6,7 @@ import pytest
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.meshes import lathe, slab
+from lerobot_env_bimanual.props.meshes import SEGMENTS, lathe, slab
 from lerobot_env_bimanual.props.model_file import ModelFile
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.scene import Scene
@@ -57,9 +57,9 @@ def volume(vertices, faces):
 
 
 def test_meshes_have_the_volume_of_their_profile_or_of_their_box_but_for_the_corners():
-    assert volume(*lathe(CYLINDER)) == pytest.approx(np.pi * 0.2**2 * 0.2, rel=5e-3)
-    hollow = np.pi * 0.2**2 * 0.1 - np.pi * 0.1**2 * 0.01
-    assert volume(*lathe(RING_FOOT)) == pytest.approx(hollow, rel=5e-3)
+    circle = np.sin(2 * np.pi / SEGMENTS) * SEGMENTS / 2  # area of the polygon in the unit circle
+    assert volume(*lathe(CYLINDER)) == pytest.approx(circle * 0.2**2 * 0.2)
+    assert volume(*lathe(RING_FOOT)) == pytest.approx(circle * (0.2**2 * 0.1 - 0.1**2 * 0.01))
     for radius in (0.02, 0.2):
         vertices, faces = slab((0.3, 0.2, 0.01), radius)
         assert np.abs(vertices).max(axis=0) == pytest.approx((0.3, 0.2, 0.01))
