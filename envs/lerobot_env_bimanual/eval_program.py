@@ -18,7 +18,7 @@ def main() -> int:
     """Run `lerobot-eval` with the flags of this process; `--env.type` is `bimanual` unless it is given."""
     if not any(word.partition("=")[0] in ("--env.type", "--config_path") for word in sys.argv):
         sys.argv.insert(1, "--env.type=bimanual")
-    return run_program("lerobot-bimanual-eval", "EvalPipelineConfig", _check, _evaluate, progress=False)
+    return run_program("lerobot-bimanual-eval", _check, _evaluate, progress=False)
 
 
 def _check(values: Mapping[str, str]) -> None:

@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
 from lerobot_bimanual.cli.command_line import TRACEBACK_VARIABLE, answered
-from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG, TRUST_FLAG, check_flags, is_trusted, without_ours
+from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG, TRUST_FLAG, flag_values, is_trusted, without_ours
 from lerobot_bimanual.distributions import installed_version
 from lerobot_bimanual.errors import BimanualError
 
@@ -49,7 +49,6 @@ class Filtered:
 
 def run_program(
     program: str,
-    config: str,
     check: Callable[[Mapping[str, str]], None],
     work: Callable[[Mapping[str, str]], object],
     progress: bool,
@@ -58,7 +57,6 @@ def run_program(
 
     Args:
         program: its name.
-        config: class of LeRobot's config of its flags.
         check: checks the values of flags by name before LeRobot is imported.
         work: imports LeRobot and does the work; it gets the same values.
         progress: whether LeRobot's bars and reports are shown, not only ours.
@@ -68,7 +66,7 @@ def run_program(
         if installed_version("lerobot") is None:
             raise BimanualError("LeRobot is not installed: pip install 'lerobot_bimanual[lerobot]'")
         words = sys.argv[1:]
-        values = check_flags(words, config)
+        values = flag_values(words)
         sys.argv[1:] = without_ours(words)
         if "help" in values:
             ours = f"--{TRUST_FLAG}=true; in trainings --{KEEP_FLAG}=N"

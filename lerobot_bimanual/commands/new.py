@@ -7,10 +7,9 @@ import re
 import sys
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from importlib.metadata import packages_distributions
+from importlib.metadata import distributions, packages_distributions
 from pathlib import Path
 
-from lerobot_bimanual.cli.lerobot_flags import known_kinds
 from lerobot_bimanual.distributions import location
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.files import write_file
@@ -51,8 +50,11 @@ def policy_new(config: NewConfig) -> None:
         lerobot-bimanual policy new --name=blind_mlp
     """
     target = config.output or Path(f"lerobot_policy_{config.name}")
-    template = _folder("lerobot_policy_bimanual") / "new_policy"
-    _write(template, "blind_mlp", config.name, target, known_kinds("policy"))
+    packages = [_folder("lerobot.policies"), ours := _folder("lerobot_policy_bimanual")]
+    configs = [path.stem for package in packages for path in package.glob("*/configuration_*.py")]
+    plugins = [str(each.name) for each in distributions()]
+    taken = [re.sub("^(configuration|lerobot_policy)_", "", each) for each in (*configs, *plugins)]
+    _write(ours / "new_policy", "blind_mlp", config.name, target, taken)
 
 
 def _folder(package: str) -> Path:

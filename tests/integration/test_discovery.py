@@ -2,21 +2,13 @@
 
 import json
 import sys
-from dataclasses import fields
-from importlib.util import spec_from_file_location
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from lerobot.configs import PreTrainedConfig
-from lerobot.configs.train import TrainPipelineConfig
-from lerobot.envs.configs import EnvConfig
-from lerobot.utils.import_utils import register_third_party_plugins
 from programs import run
 
-from lerobot_bimanual.cli import lerobot_flags, lerobot_program
-from lerobot_bimanual.cli.flags import BadCommandLine
-from lerobot_bimanual.cli.lerobot_flags import check_flags, is_trusted, without_ours
+from lerobot_bimanual.cli import lerobot_program
+from lerobot_bimanual.cli.lerobot_flags import is_trusted, without_ours
 
 DISCOVER = """
 import json, sys
@@ -63,18 +55,6 @@ def test_discovery_loads_neither_mujoco_nor_networks(discovery: Any) -> None:
     assert not [name for name in networks if name.startswith("lerobot_policy_bimanual")]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("family", "base"), [("policy", PreTrainedConfig), ("env", EnvConfig)])
-def test_the_flags_that_are_read_from_sources_are_those_of_the_configs(family, base) -> None:
-    register_third_party_plugins()
-    for kind, config in base.get_known_choices().items():
-        flags = [f"--{family}.{each.name}=1" for each in fields(config) if each.init]
-        flags += [f"--{each.name}=1" for each in fields(TrainPipelineConfig) if each.init]
-        check_flags([f"--{family}.type={kind}", *flags], "TrainPipelineConfig")
-        with pytest.raises(BadCommandLine, match=f"--{family}.no_such_flag"):
-            check_flags([f"--{family}.type={kind}", f"--{family}.no_such_flag=1"], "TrainPipelineConfig")
-
-
 @pytest.mark.parametrize(
     ("ours", "trusted"),
     [
@@ -93,33 +73,7 @@ def test_lerobot_gets_none_of_our_flags(ours, trusted) -> None:
         assert is_trusted(words) is trusted
 
 
-def test_a_plugin_is_found_by_the_name_of_its_distribution(tmp_path, monkeypatch) -> None:
-    """No folder of the path lists the modules of an editable install that a finder leads to."""
-    source, info = tmp_path / "source", tmp_path / "lerobot_policy_foo-0.1.dist-info"
-    source.mkdir()
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lerobot_policy_foo\nVersion: 0.1\n")
-    (source / "__init__.py").touch()
-    (source / "configuration_foo.py").write_text(
-        "@PreTrainedConfig.register_subclass('foo')\nclass Foo:\n    width: int\n"
-    )
-    spec = spec_from_file_location("lerobot_policy_foo", source / "__init__.py")
-    finder = SimpleNamespace(find_spec=lambda name, *_: spec if name == "lerobot_policy_foo" else None)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
-    lerobot_flags._text.cache_clear()
-    check_flags(["--policy.type=foo", "--policy.width=3"], "TrainPipelineConfig")
-    lerobot_flags._text.cache_clear()
-
-
-def test_lerobot_decides_on_the_flags_of_configs_that_it_has_renamed(monkeypatch) -> None:
-    monkeypatch.setitem(lerobot_flags.SECTIONS, "dataset", "RenamedConfig")
-    assert check_flags(["--dataset.new=1", "--other=2"], "TrainPipelineConfig")["dataset.new"] == "1"
-    check_flags(["--dataset.new=1"], "RenamedPipelineConfig")
-
-
 def test_lerobots_programs_say_that_it_is_not_installed(monkeypatch, capsys) -> None:
     monkeypatch.setattr(lerobot_program, "installed_version", lambda _: None)
-    program = ("lerobot-bimanual-eval", "EvalPipelineConfig")
-    assert lerobot_program.run_program(*program, check=print, work=print, progress=False) == 1
+    assert lerobot_program.run_program("lerobot-bimanual-eval", check=print, work=print, progress=False) == 1
     assert "pip install 'lerobot_bimanual[lerobot]'" in capsys.readouterr().err

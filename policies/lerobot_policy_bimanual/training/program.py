@@ -22,7 +22,7 @@ MAX_KEPT_BYTES = 2**30
 
 def main() -> int:
     """Run `lerobot-train` with the flags of this process, on a dataset in memory."""
-    return run_program("lerobot-bimanual-train", "TrainPipelineConfig", _check, _train, progress=True)
+    return run_program("lerobot-bimanual-train", _check, _train, progress=True)
 
 
 def _check(values: Mapping[str, str]) -> None:
