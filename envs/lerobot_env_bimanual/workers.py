@@ -37,8 +37,8 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
 DEATH = (
-    "its worker process died, also when it was tried alone, most likely killed for want of memory: repeat the command, "
-    "perhaps with fewer --workers"
+    "its worker process died, also when it was tried alone: mostly for want of memory, then repeat the command with fewer "
+    "--workers; or a script starts workers without `if __name__ == '__main__':`"
 )
 
 

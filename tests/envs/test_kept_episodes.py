@@ -140,6 +140,19 @@ def test_another_evaluation_in_the_same_folder_is_refused_at_once(other, complai
     assert path.read_bytes() == before
 
 
+def test_episodes_of_another_version_of_the_package_are_refused_by_the_name_of_their_file(
+    undisturbed, tmp_path
+):
+    program = Program(tmp_path)
+    with pytest.raises(Interrupted):
+        program.run(undisturbed[1].steps // 2)
+    program.end()
+    (path,) = tmp_path.iterdir()
+    path.write_text(path.read_text().replace('"schema_version":2', '"schema_version":1', 1))
+    with pytest.raises(BimanualError, match=rf"{path.name}: schema_version: .*; choose another results_dir"):
+        Program(tmp_path)
+
+
 def test_a_policy_of_another_world_is_evaluated_with_a_warning(tmp_path, caplog):
     here = world_version("lift_ball")
     for world, perturb, warned in (("0" * 12, "", True), (here, "", False), ("0" * 12, "mass:1", False)):

@@ -20,7 +20,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationHead, EvaluationRecord, eval_key, result_versions
 from lerobot_bimanual.results.journal import Journal
-from lerobot_bimanual.results.record import Record
+from lerobot_bimanual.results.record import BadRecord, Record
 from lerobot_env_bimanual.experts.runner import OUT_OF_TIME
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
@@ -116,7 +116,7 @@ class KeptEpisodes:
                 self.known = {episode.seed: episode for episode in record.episodes}
             self._interrupted = journal.entries()
             if journal.header and head.policy and self._interrupted:
-                self._refuse(self._partial, head.difference(EvaluationHead.from_json(journal.header)))
+                self._refuse(self._partial, head.difference(self._head_of_partial(journal.header)))
             else:
                 self._interrupted = []
                 journal.restart(head.model_dump_json())
@@ -189,6 +189,14 @@ class KeptEpisodes:
             versions=result_versions(),
             policy=dict(self._evaluation.policy),
         )
+
+    def _head_of_partial(self, header: str) -> EvaluationHead:
+        try:
+            return EvaluationHead.from_json(header)
+        except BadRecord as error:
+            raise BadRecord(
+                f"{self._partial}: {error}; choose another results_dir, or remove the file"
+            ) from None
 
     def _refuse(self, path: Path, difference: str | None) -> None:
         if difference is not None:
