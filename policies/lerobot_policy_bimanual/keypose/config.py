@@ -57,7 +57,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # short tasks.
     keypose_horizon: int | None = number(None, 2, 1000, unset=True)
     # `voxel` commands the centre of the most probable voxel (the paper's), `expectation` the mean over the 3x3x3 voxels
-    # around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/pitfalls.md).
+    # around it, which voxels of 4 cm need.
     decode: str = choice("voxel", "expectation")
 
     # Channels of the features of a voxel or pixel.
@@ -89,8 +89,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     augmentation: bool = True
     # Largest shift along x, y, z in metres (paper: an eighth of a metre).
     augmentation_shift_m: tuple[float, float, float] = number((0.125, 0.125, 0.125), 0, 10)
-    # Largest rotation about the vertical in degrees (paper: 45). Learning in minutes instead of days wants less, see
-    # docs/pitfalls.md.
+    # Largest rotation about the vertical in degrees (paper: 45). Learning in minutes instead of days wants less.
     augmentation_yaw_deg: float = number(45.0, 0, 180)
     # Rotations are multiples of this, in degrees (PerAct2 code: 5).
     augmentation_yaw_step_deg: float = number(5.0, 0.01, 180)
