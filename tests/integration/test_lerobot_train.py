@@ -147,18 +147,15 @@ def test_lerobots_diffusion_is_trained_by_its_recipe_and_evaluated(room):
     assert evaluate("diffusion", room, "--env.obs=rgb", "--env.control_mode=keypose")["n_episodes"] == 1
 
 
+@pytest.mark.parametrize("kind", ["smolvla", "peract3"])
 @pytest.mark.parametrize("in_a_file", [False, True])
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [({"type": "smolvla"}, "not safe to say"), ({"type": "peract3"}, "Did you mean 'peract2'?")],
-)
-def test_our_evaluation_refuses_a_strangers_checkpoint_on_one_line(change, said, in_a_file, tmp_path):
+def test_our_evaluation_refuses_a_strangers_checkpoint_on_one_line(kind, in_a_file, tmp_path):
     folder = Path(shutil.copytree(SHIPPED, tmp_path / "strange"))
-    config = json.loads((folder / "config.json").read_text()) | change
+    config = json.loads((folder / "config.json").read_text()) | {"type": kind}
     (folder / "config.json").write_text(json.dumps(config))
     (tmp_path / "eval.yaml").write_text(json.dumps({"policy": {"path": str(folder)}}))
     policy = "--config_path=eval.yaml" if in_a_file else f"--policy.path={folder}"
     env = ("--env.type=bimanual", "--env.task=lift_ball", "--eval.batch_size=1")
     told = run("lerobot-bimanual-eval", policy, *env, folder=tmp_path, fails=True).splitlines()
-    assert said in told[-1]
+    assert "not safe to say" in told[-1]
     assert len(told) <= 2
