@@ -159,3 +159,18 @@ def test_our_evaluation_refuses_a_strangers_checkpoint_on_one_line(kind, in_a_fi
     told = run("lerobot-bimanual-eval", policy, *env, folder=tmp_path, fails=True).splitlines()
     assert "not safe to say" in told[-1]
     assert len(told) <= 2
+
+
+@pytest.mark.parametrize(
+    ("flag", "said"),
+    [
+        ("--stpes=1", "unrecognized arguments: --stpes=1"),
+        ("--policy.type=peract3", "invalid choice: 'peract3'"),
+    ],
+)
+def test_lerobot_refuses_flags_that_it_does_not_know_on_one_line(flag, said, tmp_path):
+    words = ("lerobot-bimanual-train", "--dataset.repo_id=local/x", flag)
+    told = run(*words, folder=tmp_path, fails=True, fresh=True)
+    importing, refusal = told.splitlines()
+    assert importing.endswith("importing LeRobot")
+    assert said in refusal
