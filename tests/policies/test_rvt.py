@@ -15,8 +15,8 @@ from lerobot_policy_bimanual.keypose.observation import Observation
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, ProductTranslation, best_voxel
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.scene import Scene
-from lerobot_policy_bimanual.rvt_lf.two_stages import JITTER, FineTranslation, StagedRVT
-from lerobot_policy_bimanual.rvt_lf.views import pixels_of_voxels
+from lerobot_policy_bimanual.rvt_lf.two_stages import JITTER, FineTranslation, StagedRVT, cubic_weights
+from lerobot_policy_bimanual.rvt_lf.views import images_of_planes, pixels_of_voxels
 
 HEADS = 2
 
@@ -111,11 +111,11 @@ def pose_logits(prediction):
     return torch.cat(parts, dim=-1)
 
 
-FUSIONS = {"mean": HeatmapTranslation, "product": ProductTranslation}
+FUSIONS = {"mean": HeatmapTranslation, "product": ProductTranslation.of_views}
 
 
-def heatmaps(samples: int = 2, arms: int = 2, size: int = 12, fusion: str = "mean") -> Any:
-    return FUSIONS[fusion](3 * torch.randn(samples, arms, 5, size, size, dtype=torch.float64), 1.5)
+def random_logits(samples: int = 2, arms: int = 2, size: int = 12) -> torch.Tensor:
+    return 3 * torch.randn(samples, arms, 5, size, size, dtype=torch.float64, requires_grad=True)
 
 
 def gaussians(center: torch.Tensor, size: int, sigma: float = 1.5) -> torch.Tensor:
@@ -162,13 +162,12 @@ def test_network_and_its_gradients_equal_the_written_out_formulation(dilations):
 
 @pytest.mark.parametrize("is_between", [False, True])
 def test_loss_equals_the_divergence_from_a_target_image_with_gradients(is_between):
-    prediction = heatmaps()
-    logits = prediction.logits.requires_grad_()
+    logits = random_logits()
     voxel = torch.tensor([[[5, 6, 4], [0, 11, 2]], [[11, 11, 11], [3, 0, 7]]])  # in the middle and at borders
     offset = is_between * (torch.rand(2, 2, 3, dtype=torch.float64) - 0.5)
     target = torch.stack([torch.stack([gaussians(arm, 12) for arm in sample]) for sample in voxel + offset])
     expected = (target.xlogy(target) - target * logits.flatten(3).log_softmax(3).view_as(logits)).sum((3, 4))
-    expected, actual = expected.mean(2), prediction.cross_entropy(voxel, offset)
+    expected, actual = expected.mean(2), HeatmapTranslation(logits, 1.5).cross_entropy(voxel, offset)
     torch.testing.assert_close(actual, expected)
     torch.testing.assert_close(*(torch.autograd.grad(each.sum(), logits)[0] for each in (actual, expected)))
 
@@ -186,10 +185,11 @@ def test_best_voxel_is_the_first_maximum_of_the_whole_lattice(monkeypatch, level
 
 @pytest.mark.parametrize("fusion", ["mean", "product"])
 def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_probability(fusion):
-    prediction = heatmaps(samples=2, arms=1, size=7, fusion=fusion)
+    logits = random_logits(arms=1, size=7).detach()
+    prediction = FUSIONS[fusion](logits, 1.5)
     candidates, probabilities = prediction.candidates(), prediction.probabilities()[:, 0]
     for sample in range(2):
-        images = prediction.logits[sample, 0].flatten(1).softmax(1).view(5, 7, 7)
+        images = logits[sample, 0].flatten(1).softmax(1).view(5, 7, 7)
         scores = lattice(images, fusion)
         torch.testing.assert_close(probabilities[sample], scores / scores.sum())
         assert scores[tuple(candidates.best()[sample, 0])] == scores.max()
@@ -202,8 +202,8 @@ def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_probability
 
 
 def test_loss_of_a_product_equals_the_divergence_from_a_gaussian_over_all_voxels_with_gradients():
-    prediction = heatmaps(size=6, fusion="product")
-    logits = prediction.logits.requires_grad_()
+    logits = random_logits(size=6)
+    prediction = ProductTranslation.of_views(logits, 1.5)
     voxel, offset = torch.randint(0, 6, (2, 2, 3)), torch.rand(2, 2, 3, dtype=torch.float64) - 0.5
     voxels = torch.cartesian_prod(*[torch.arange(6.0, dtype=torch.float64)] * 3)  # (216, 3)
     squared = ((voxels - (voxel + offset)[:, :, None]) ** 2).sum(3)
@@ -215,8 +215,8 @@ def test_loss_of_a_product_equals_the_divergence_from_a_gaussian_over_all_voxels
 
 
 def test_a_pixel_of_a_product_is_as_probable_as_the_voxels_that_it_shows():
-    prediction = heatmaps(size=6, fusion="product")
-    images = torch.zeros_like(prediction.logits)
+    logits = random_logits(size=6).detach()
+    prediction, images = ProductTranslation.of_views(logits, 1.5), torch.zeros_like(logits)
     for voxel in itertools.product(range(6), repeat=3):
         rows, columns = pixels_of_voxels(torch.tensor(voxel), 6)
         images[:, :, torch.arange(5), rows, columns] += prediction.probabilities()[:, :, *voxel, None]
@@ -226,7 +226,7 @@ def test_a_pixel_of_a_product_is_as_probable_as_the_voxels_that_it_shows():
 def test_a_product_of_heatmaps_finds_a_place_between_pixels_as_it_was_taught():
     place = torch.tensor([5.3, 6.8, 9.1], dtype=torch.float64)
     logits = gaussians(place, 16, sigma=1).clamp(min=1e-30).log()[None, None]
-    candidates = ProductTranslation(logits, 1).candidates()
+    candidates = ProductTranslation.of_views(logits, 1).candidates()
     assert torch.equal(candidates.best()[0, 0], place.round().long())
     torch.testing.assert_close(candidates.local_mean()[0, 0], place, atol=0.05, rtol=0)
 
@@ -242,6 +242,7 @@ def test_a_product_of_heatmaps_finds_a_place_between_pixels_as_it_was_taught():
         ("depth", 3, "multiple of 2"),
         ("heatmap_sigma_px", 0.0, "a number from 0.01"),
         ("heatmap_fusion", "sum", "mean, product"),
+        ("fine_stage_zoom", 4, "heatmap_fusion=product"),
         ("heatmap_dilations", (0,), "whole numbers from 1"),
     ],
 )
@@ -264,7 +265,7 @@ def test_words_write_filters_of_what_the_views_show():
 
 
 def zoomed_scene() -> Scene:
-    config = tiny_config(point_radius=0.01, fine_stage_zoom=3)
+    config = tiny_config(point_radius=0.01, fine_stage_zoom=3, heatmap_fusion="product")
     points = torch.rand(2, 3, 500) + torch.tensor(config.workspace.lower)[:, None]
     return Scene.of(Observation(points, torch.rand(2, 3, 500), torch.zeros(2, 8), ["", ""]), config)
 
@@ -286,7 +287,8 @@ def test_zoomed_in_views_show_points_and_the_goal_where_they_lie_around_the_midd
 
 
 def test_the_fine_stage_zooms_in_on_the_coarse_prediction_and_in_training_near_the_label():
-    scene, network = zoomed_scene(), StagedRVT(tiny_config(fine_stage_zoom=3), proprio_dim=4)
+    scene = zoomed_scene()
+    network = StagedRVT(scene.config, proprio_dim=4)
     rest = torch.randn(2, 4), torch.randn(2, 3, 6)
     voxel, flag = torch.tensor([[[3, 4, 5]], [[8, 0, 4]]]), torch.zeros(2, 1, dtype=torch.long)
     target = KeyposeBins(voxel, torch.zeros_like(voxel), flag, flag)
@@ -303,17 +305,41 @@ def test_the_fine_stage_zooms_in_on_the_coarse_prediction_and_in_training_near_t
     middle = coarse.translation.candidates().local_mean().clamp(1, 7)
     assert network.fine is not None
     fine = network.fine(scene.zoomed_in(middle[:, 0]), *rest)
-    place = middle + (fine.translation.candidates().local_mean() - 4) / 3
+    staged = FineTranslation.of(coarse.translation, fine.translation, middle, 3)
+    place = staged.candidates().local_mean()
     torch.testing.assert_close(prediction.translation.candidates().local_mean(), place)
+    assert ((place - middle).abs() <= 4 / 3).all()
     torch.testing.assert_close(pose_logits(prediction), pose_logits(coarse) + pose_logits(fine))
+
+
+def gaussian(place: torch.Tensor, size: int = 12) -> ProductTranslation:
+    """The Gaussian with the deviation 1 around a place (3,) in voxels."""
+    x, y, z = -((torch.arange(size) - place[:, None]) ** 2) / 2
+    planes = (x[:, None] + y, z.expand(size, size), torch.zeros(size, size).to(z))
+    return ProductTranslation((planes[0][None, None], planes[1][None, None], planes[2][None, None]), 1)
+
+
+def test_where_the_fine_stage_sees_nothing_the_coarse_one_decides_between_its_voxels():
+    place = torch.tensor([3.7, 8.2, 6.4], dtype=torch.float64)
+    blind = ProductTranslation((torch.zeros(1, 1, 12, 12).double(),) * 3, 1)
+    middle = torch.tensor([[[4.1, 8.0, 6.6]]], dtype=torch.float64)
+    found = FineTranslation.of(gaussian(place), blind, middle, 4).candidates().local_mean()
+    torch.testing.assert_close(found[0, 0], place, atol=0.5 / 4, rtol=0)
+
+
+def test_cubic_weights_find_a_parabola_between_samples_and_never_leave_them():
+    place, axis = torch.tensor([1.0, 3.3, 4.9, 7.0]), torch.arange(9.0)
+    torch.testing.assert_close(cubic_weights(place, 9) @ (axis - 4) ** 2, (place - 4) ** 2)
+    weights = cubic_weights(torch.linspace(-1, 9, 50), 9)
+    torch.testing.assert_close(weights.sum(1), torch.ones(50))
+    assert torch.equal(weights[[0, -1]].argmax(1), torch.tensor([0, 8]))
 
 
 def test_both_stages_learn_the_same_position():
     middle, zoom = torch.tensor([[[3.25, 4.5, 5.0]]], dtype=torch.float64), 4
     place = torch.tensor([3.6, 4.1, 5.3], dtype=torch.float64)
-    images = (gaussians(place, 12), gaussians((place - middle[0, 0]) * zoom + 5.5, 12))
-    coarse, fine = (HeatmapTranslation(image.clamp(min=1e-30).log()[None, None], 1.5) for image in images)
-    translation = FineTranslation(coarse, fine, middle, zoom)
+    fine = gaussian((place - middle[0, 0]) * zoom + 5.5)
+    translation = FineTranslation(gaussian(place), fine, middle, zoom)
     voxel = place.round().long()[None, None]
     torch.testing.assert_close(translation.cross_entropy(voxel, place - voxel), torch.zeros(1, 1).double())
     torch.testing.assert_close(translation.candidates().local_mean()[0, 0], place, atol=0.5 / zoom, rtol=0)

@@ -50,6 +50,10 @@ class RVTLFConfig(KeyposePolicyConfig):
         super().__post_init__()
         if self.patch % 2 == 0:
             raise BadConfig(f"patch={self.patch} must be odd: kernels of this width need a centre")
+        if self.fine_stage_zoom > 1 and self.heatmap_fusion != "product":
+            raise BadConfig(
+                f"fine_stage_zoom={self.fine_stage_zoom} needs heatmap_fusion=product: what both stages say is multiplied"
+            )
         require_dilations(self, "heatmap_dilations")
         require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
         require_multiple(self, "token_dim", 8, "each half is normalised in four groups")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -81,20 +82,26 @@ class ProductTranslation:
     So a voxel's probability is proportional to the product of the heatmaps, and a view that cannot tell leaves it to the others.
 
     Attributes:
-        logits, sigma_px: as in `HeatmapTranslation`.
+        planes: xy, xz, yz (b, arms, v, v) float32, those of pixels that see the same two axes added up.
+        sigma_px: standard deviation of the training target.
     """
 
-    logits: Tensor
+    planes: tuple[Tensor, Tensor, Tensor]
     sigma_px: float
+
+    @classmethod
+    def of_views(cls, logits: Tensor, sigma_px: float) -> Self:
+        """That of logits as in `HeatmapTranslation`."""
+        return cls(sum_over_views(logits), sigma_px)
 
     def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
 
         Its own entropy is subtracted, so that a perfect distribution has the loss 0.
         """
-        steps = torch.arange(self.logits.shape[-1], device=voxel.device) - (voxel + offset)[..., None]
-        wanted = (-(steps**2) / (2 * self.sigma_px**2)).softmax(dim=-1).to(self.logits)  # (b, arms, 3, v)
-        planes = sum_over_views(self.logits)
+        planes = self.planes
+        steps = torch.arange(planes[0].shape[-1], device=voxel.device) - (voxel + offset)[..., None]
+        wanted = (-(steps**2) / (2 * self.sigma_px**2)).softmax(dim=-1).to(planes[0])  # (b, arms, 3, v)
         x, y, z = wanted.unbind(2)
         hits = zip(planes, (x, x, y), (y, z, z), strict=True)
         hit = sum(torch.einsum("bauv,bau,bav->ba", plane, first, second) for plane, first, second in hits)
@@ -102,11 +109,11 @@ class ProductTranslation:
 
     def candidates(self) -> VoxelCandidates:
         """The most probable of all voxels and its 26 neighbours."""
-        return _best_and_neighbours(sum_over_views(self.logits))
+        return _best_and_neighbours(self.planes)
 
     def probabilities(self) -> Tensor:
         """Probabilities (b, arms, v, v, v) of all voxels."""
-        scores = _lattice(sum_over_views(self.logits))
+        scores = _lattice(self.planes)
         return scores.flatten(2).softmax(dim=2).view_as(scores)
 
     def pixel_probabilities(self) -> Tensor:

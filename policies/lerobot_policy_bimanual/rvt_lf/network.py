@@ -30,7 +30,7 @@ class RVTNetwork(nn.Module):
     def __init__(self, config: RVTLFConfig, *, proprio_dim: int, goal_channels: int = 0):
         super().__init__()
         channels, token_dim, patch = config.channels, config.token_dim, config.patch
-        translation = HeatmapTranslation if config.heatmap_fusion == "mean" else ProductTranslation
+        translation = HeatmapTranslation if config.heatmap_fusion == "mean" else ProductTranslation.of_views
         self.make_translation = partial(translation, sigma_px=config.heatmap_sigma_px)
         self.patches = config.voxel_size // patch
         self.quadratic_features = config.quadratic_features

@@ -1,17 +1,19 @@
 """RVT in two stages, coarse and fine, as in RVT-2 (Goyal et al., 2024, https://arxiv.org/abs/2406.08545)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
+from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, VoxelCandidates
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
-from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, ProductTranslation
+from lerobot_policy_bimanual.rvt_lf.heatmaps import ProductTranslation
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.scene import Scene
-from lerobot_policy_bimanual.rvt_lf.views import magnified
+from lerobot_policy_bimanual.rvt_lf.views import magnified, reduced
 
 JITTER = 0.75
 """Largest distance of the label from the middle of zoomed-in views in training, along each axis, in half edges of a view."""
@@ -61,7 +63,7 @@ class StagedRVT(nn.Module):
         middle = middle.clamp(border, self.last_voxel - border)
         fine = self.fine(scene.zoomed_in(middle), proprio, language)
         return KeyposePrediction(
-            FineTranslation(coarse.translation, fine.translation, middle[:, None], self.zoom),
+            FineTranslation.of(coarse.translation, fine.translation, middle[:, None], self.zoom),
             coarse.rotation + fine.rotation,
             coarse.gripper_open + fine.gripper_open,
             coarse.ignore_collisions + fine.ignore_collisions,
@@ -79,14 +81,30 @@ class FineTranslation:
         zoom: fine voxels per coarse voxel, along each axis.
     """
 
-    coarse: HeatmapTranslation | ProductTranslation
-    fine: HeatmapTranslation | ProductTranslation
+    coarse: ProductTranslation
+    fine: ProductTranslation
     middle: Tensor
     zoom: int
 
+    @classmethod
+    def of(cls, coarse: ProductTranslation, fine: ProductTranslation, middle: Tensor, zoom: int) -> Self:
+        """Multiply what the zoomed-in views say by what the coarse ones do: in free space the former see nothing.
+
+        Args:
+            coarse, middle, zoom: as the attributes.
+            fine: of the zoomed-in views alone.
+        """
+        size = fine.planes[0].shape[-1]
+        axis = torch.arange(size, device=middle.device)[:, None]
+        x, y, z = cubic_weights(reduced(axis, middle, zoom, size).mT, size)[:, :, None].unbind(1)  # (b, 1, v, v) each
+        with full_precision(middle.device):
+            ours, wider = fine.planes, coarse.planes
+            planes = (ours[0] + x @ wider[0] @ y.mT, ours[1] + x @ wider[1] @ z.mT, ours[2] + y @ wider[2] @ z.mT)
+        return cls(coarse, replace(fine, planes=planes), middle, zoom)
+
     def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Sum (b, 1) of the cross-entropies of both stages; targets outside the surroundings count as at their border."""
-        size = self.fine.logits.shape[-1]
+        size = self.fine.planes[0].shape[-1]
         place = magnified(voxel + offset, self.middle, self.zoom, size).clamp(0, size - 1)
         fine = place.round()
         return self.coarse.cross_entropy(voxel, offset) + self.fine.cross_entropy(fine.long(), place - fine)
@@ -94,7 +112,7 @@ class FineTranslation:
     def candidates(self) -> VoxelCandidates:
         """The candidates of the fine stage, in coarse voxels."""
         found = self.fine.candidates()
-        place = self._places(found.voxel, self.middle[:, :, None])
+        place = reduced(found.voxel, self.middle[:, :, None], self.zoom, self.fine.planes[0].shape[-1])
         voxel = place.round().long()
         return VoxelCandidates(voxel, found.score, place - voxel)
 
@@ -103,11 +121,20 @@ class FineTranslation:
         fine = self.fine.probabilities()
         size = fine.shape[-1]
         axis = torch.arange(size, device=fine.device)[:, None]
-        x, y, z = self._places(axis, self.middle).round().long().unbind(2)  # (b, v) each
+        x, y, z = reduced(axis, self.middle, self.zoom, size).round().long().unbind(2)  # (b, v) each
         voxel = (x[:, :, None, None] * size + y[:, None, :, None]) * size + z[:, None, None]
         best = torch.zeros_like(fine.flatten(1)).scatter_reduce_(1, voxel.flatten(1), fine.flatten(1), "amax")
         return (best / best.sum(dim=1, keepdim=True)).view_as(fine)
 
-    def _places(self, fine: Tensor, middle: Tensor) -> Tensor:
-        """Where fine voxels (..., 3) lie among the coarse ones, around middles (..., 3)."""
-        return middle + (fine - (self.fine.logits.shape[-1] - 1) / 2) / self.zoom
+
+def cubic_weights(place: Tensor, size: int) -> Tensor:
+    """Weights (..., size) of samples at 0, 1, ..., with which their sum is a smooth function's value at places (...).
+
+    Cubic convolution (Keys, 1981): exact between the samples of a parabola, which the logarithm of a Gaussian is, so that its
+    peak may lie between them. Beside the first and the last sample the share of missing ones goes to the others.
+    """
+    step = (place.clamp(0, size - 1)[..., None] - torch.arange(size, device=place.device)).abs()
+    near = (1.5 * step - 2.5) * step**2 + 1
+    far = ((2.5 - 0.5 * step) * step - 4) * step + 2
+    weights = torch.where(step < 1, near, far) * (step < 2)
+    return weights / weights.sum(dim=-1, keepdim=True)

@@ -65,6 +65,11 @@ def magnified(place: Tensor, middle: Tensor, zoom: int, size: int) -> Tensor:
     return (place - middle) * zoom + (size - 1) / 2
 
 
+def reduced(place: Tensor, middle: Tensor, zoom: int, size: int) -> Tensor:
+    """Where places (..., 3) among the smaller voxels of `magnified` lie among the others: its opposite."""
+    return middle + (place - (size - 1) / 2) / zoom
+
+
 def sum_over_views(images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Add up those of images (..., views, size, size) that see the same two axes: planes xy, xz, yz (..., size, size).
 
