@@ -191,8 +191,8 @@ class Plan:
 
     def commands(self, step: int) -> Iterator[Command]:
         """Every command in its order, when the checkpoint after so many steps is the best."""
+        yield from map(self.baseline, BASELINES)  # first: they refuse what the test cannot be
         yield self.generation()
-        yield from map(self.baseline, BASELINES)
         yield self.training()
         if self.settings.val_episodes:
             yield from (self.evaluation("val", saved) for saved in self.settings.checkpoint_steps)

@@ -82,14 +82,14 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
     settings = plan.settings
     if (made := _made_before(plan)) is not None:
         return made
-    Pipeline(plan.source, console).run(plan.generation())
-    provenance = _provenance(plan)
     shared = Pipeline(plan.folder, console)
     worlds, reports = {}, {}
     for player in BASELINES:
         shared.run(plan.baseline(player))
         path = plan.report(player)
         worlds[path], reports[player] = _read_report(path, settings.task)
+    Pipeline(plan.source, console).run(plan.generation())
+    provenance = _provenance(plan)
     if settings.demos_perturb == settings.perturb:  # otherwise the worlds differ by intention
         worlds[plan.dataset] = provenance.worlds.get(settings.task, "none")
     _check_one_world(worlds, settings.task)

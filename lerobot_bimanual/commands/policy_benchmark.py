@@ -12,7 +12,7 @@ from lerobot_bimanual.terminal import show_next
 def policy_benchmark(config: BenchmarkConfig) -> None:
     """Train a policy and score it on unseen seeds.
 
-    Generates demonstrations, scores the expert and the open-loop baseline, trains with `lerobot-bimanual-train` (LeRobot's own
+    Scores the expert and the open-loop baseline, generates demonstrations, trains with `lerobot-bimanual-train` (LeRobot's own
     loop, with the dataset in memory), and evaluates the last checkpoint with `lerobot-eval` on the test split; with
     --val_episodes the best one on the validation split (of equals the latest). The result is one JSON file in OUTPUT/results,
     read by `lerobot-bimanual results compare`.

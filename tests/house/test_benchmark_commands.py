@@ -47,7 +47,7 @@ def test_the_commands_of_a_benchmark_are_valid(policy: str, recipe, tmp_path: Pa
     splits = [word for words in commands for word in words if word.startswith("--env.split=")]
     assert splits == ["--env.split=val"] * checkpoints + ["--env.split=test"]
     # Demonstrations are shared by the policies of a task, but not by one that needs what is not in them.
-    assert ("--depth=false" in commands[0]) == is_stock
+    assert ("--depth=false" in commands[2]) == is_stock
     assert ("--env.obs=rgb" in commands[-1]) == is_stock
     assert ("--env.control_mode=keypose" in commands[-1]) == (policy == "diffusion")
     assert ("_rgb_" in Plan.of(config).dataset.name) == is_stock

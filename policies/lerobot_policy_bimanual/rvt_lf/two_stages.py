@@ -23,8 +23,8 @@ class StagedRVT(nn.Module):
     """Predicts one arm's keypose by one RVT or, with `fine_stage_zoom`, by two.
 
     The coarse stage sees the whole workspace. The fine stage sees the surroundings of the position that the coarse one
-    predicts; in training, those of the label, off their middle at random. The fine stage gives the position. The logits of
-    rotation, gripper and flag of both are added.
+    predicts; in training, those of the label, off their middle at random. The logits of both are added, those of the
+    position at the fine stage's voxels (departure from RVT-2, whose fine stage alone gives the position).
 
     Args:
         config: all sizes.
@@ -76,7 +76,7 @@ class FineTranslation:
 
     Attributes:
         coarse: over the workspace.
-        fine: over the zoomed-in surroundings.
+        fine: over the zoomed-in surroundings, of both stages.
         middle: (b, 1, 3) the middle of the surroundings, in coarse voxels.
         zoom: fine voxels per coarse voxel, along each axis.
     """
