@@ -16,7 +16,7 @@ from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, ProductT
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.scene import Scene
 from lerobot_policy_bimanual.rvt_lf.two_stages import JITTER, FineTranslation, StagedRVT, cubic_weights
-from lerobot_policy_bimanual.rvt_lf.views import images_of_planes, pixels_of_voxels
+from lerobot_policy_bimanual.rvt_lf.views import pixels_of_voxels
 
 HEADS = 2
 

@@ -91,15 +91,23 @@ class FineTranslation:
         """Multiply what the zoomed-in views say by what the coarse ones do: in free space the former see nothing.
 
         Args:
-            coarse, middle, zoom: as the attributes.
+            coarse: as the attribute.
             fine: of the zoomed-in views alone.
+            middle: as the attribute.
+            zoom: as the attribute.
         """
         size = fine.planes[0].shape[-1]
         axis = torch.arange(size, device=middle.device)[:, None]
-        x, y, z = cubic_weights(reduced(axis, middle, zoom, size).mT, size)[:, :, None].unbind(1)  # (b, 1, v, v) each
+        x, y, z = cubic_weights(reduced(axis, middle, zoom, size).mT, size)[:, :, None].unbind(
+            1
+        )  # (b, 1, v, v) each
         with full_precision(middle.device):
             ours, wider = fine.planes, coarse.planes
-            planes = (ours[0] + x @ wider[0] @ y.mT, ours[1] + x @ wider[1] @ z.mT, ours[2] + y @ wider[2] @ z.mT)
+            planes = (
+                ours[0] + x @ wider[0] @ y.mT,
+                ours[1] + x @ wider[1] @ z.mT,
+                ours[2] + y @ wider[2] @ z.mT,
+            )
         return cls(coarse, replace(fine, planes=planes), middle, zoom)
 
     def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
