@@ -97,16 +97,13 @@ class FineTranslation:
             zoom: as the attribute.
         """
         size = fine.planes[0].shape[-1]
-        axis = torch.arange(size, device=middle.device)[:, None]
-        x, y, z = cubic_weights(reduced(axis, middle, zoom, size).mT, size)[:, :, None].unbind(
-            1
-        )  # (b, 1, v, v) each
+        place = reduced(torch.arange(size, device=middle.device)[:, None], middle, zoom, size)  # (b, v, 3)
+        x, y, z = cubic_weights(place.mT, size)[:, :, None].unbind(1)  # (b, 1, v, v) each
+        axes = ((x, y), (x, z), (y, z))
         with full_precision(middle.device):
-            ours, wider = fine.planes, coarse.planes
-            planes = (
-                ours[0] + x @ wider[0] @ y.mT,
-                ours[1] + x @ wider[1] @ z.mT,
-                ours[2] + y @ wider[2] @ z.mT,
+            planes = tuple(
+                ours + first @ wider @ second.mT
+                for ours, wider, (first, second) in zip(fine.planes, coarse.planes, axes, strict=True)
             )
         return cls(coarse, replace(fine, planes=planes), middle, zoom)
 
