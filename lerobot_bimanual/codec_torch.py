@@ -16,12 +16,18 @@ from lerobot_bimanual.geometry.rotations_torch import (
 
 @dataclass(frozen=True, eq=False)
 class KeyposeBins:
-    """Bins of a batch of keyposes, left first; the fields of `codec.DiscreteKeypose` as int64 tensors."""
+    """Bins of a batch of keyposes, left first.
+
+    Attributes:
+        voxel, rotation, gripper_open, ignore_collisions: the fields of `codec.DiscreteKeypose` as int64 tensors.
+        place: (..., arms, 3) float, the position in voxels, the centre of the first at 0.
+    """
 
     voxel: Tensor
     rotation: Tensor
     gripper_open: Tensor
     ignore_collisions: Tensor
+    place: Tensor
 
 
 class TorchKeyposeCodec(layout.KeyposeGrid):
@@ -30,14 +36,15 @@ class TorchKeyposeCodec(layout.KeyposeGrid):
     def encode(self, vectors: Tensor) -> KeyposeBins:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
         arms = vectors.unflatten(-1, (len(ARMS), layout.ARM_KEYPOSE_DIM))
-        voxel = self.in_voxels(vectors).floor().long()
+        position = self.in_voxels(vectors)
         euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., layout.QUATERNION])))
         rotation = ((euler_deg + 180) / self.rotation_bin_deg).round().long() % self.rotation_bins
         return KeyposeBins(
-            voxel,
+            position.floor().long(),
             rotation,
             (arms[..., layout.GRIPPER_OPEN] > 0.5).long(),
             (arms[..., layout.IGNORE_COLLISIONS] > 0.5).long(),
+            position - 0.5,
         )
 
     def decode(self, discrete: KeyposeBins) -> Tensor:

@@ -1,5 +1,6 @@
 """The follower is told what the leader is going to do; independent arms are told nothing, and disagree on two equal plans."""
 
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -47,7 +48,7 @@ def spy(policy: KeyposePolicy) -> dict[str, torch.Tensor]:
 
 def numbers(policy: KeyposePolicy, bins: KeyposeBins, arm) -> torch.Tensor:
     """What the follower should be told of an arm's bins: where in the workspace, which angles, which flags."""
-    position = policy.codec.decode(bins).view(-1, 2, 9)[:, arm.ordinal, :3]
+    position = policy.codec.voxel_centers(bins.place)[:, arm.ordinal]
     lower, upper = torch.tensor(policy.config.workspace_lower), torch.tensor(policy.config.workspace_upper)
     angles_deg = bins.rotation[:, arm.ordinal] * policy.config.rotation_bin_deg - 180
     flags = torch.stack([bins.gripper_open, bins.ignore_collisions], dim=-1)[:, arm.ordinal]
@@ -77,6 +78,19 @@ def test_when_acting_the_follower_is_told_the_prediction_of_the_leader(policy, l
     assert torch.equal(policy.select_action(batch), policy.codec.decode(best))
 
 
+def test_the_follower_hardly_sees_which_of_two_voxels_a_label_on_their_border_is_in(
+    policy, leader, make_batch
+):
+    seen, batch = spy(policy), make_batch()
+    observation, target = policy.observe(batch), policy.target_bins(batch[ACTION])
+    told = []
+    for side in (-1e-6, 1e-6):
+        place = target.voxel + 0.5 + side
+        policy.predict(observation, replace(target, voxel=place.round().long(), place=place))
+        told.append(seen["follower"])
+    torch.testing.assert_close(*told, atol=1e-5, rtol=0)
+
+
 def test_predictions_come_left_arm_first(policy, leader, make_batch):
     network, outputs = parts(policy), {}
     network.leader.register_forward_hook(lambda _, inputs, output: outputs.update({leader: output}))
@@ -98,7 +112,7 @@ def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leade
     def turned(arm) -> KeyposeBins:
         rotation = bins.rotation.clone()
         rotation[:, arm.ordinal] = (rotation[:, arm.ordinal] + 20) % policy.codec.rotation_bins
-        return KeyposeBins(bins.voxel, rotation, bins.gripper_open, bins.ignore_collisions)
+        return replace(bins, rotation=rotation)
 
     before = policy.predict(observation, bins).rotation
     after = policy.predict(observation, turned(leader)).rotation
@@ -160,7 +174,7 @@ def agreement(network: nn.Module, dim: int) -> float:
         swapped = torch.rand(16, 1, 1, generator=generator) < 0.5
         voxel = torch.where(swapped, things.flip(1), things)
         rest = torch.zeros(16, 2, dtype=torch.long)
-        prediction = network(grid, *inputs, KeyposeBins(voxel, torch.zeros_like(voxel), rest, rest))
+        prediction = network(grid, *inputs, KeyposeBins(voxel, torch.zeros_like(voxel), rest, rest, voxel))
         loss = prediction.translation.cross_entropy(voxel, torch.zeros(16, 2, 3)).sum(dim=1).mean()
         optimizer.zero_grad()
         loss.backward()
@@ -201,7 +215,7 @@ def test_with_joint_decoding_the_right_arms_position_follows_the_left_ones(tiny,
 
     def losses(voxel: Tensor) -> Tensor:
         """Of the same targets (3, arms), where the network is told these voxels."""
-        target = KeyposeBins(voxel, torch.zeros_like(voxel), rest, rest)
+        target = KeyposeBins(voxel, torch.zeros_like(voxel), rest, rest, voxel)
         prediction = network(grid, torch.zeros(3, 8), torch.zeros(3, 4, config.language_dim), target)
         return prediction.translation.cross_entropy(voxel, torch.zeros(3, 2, 3))
 

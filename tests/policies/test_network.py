@@ -43,7 +43,7 @@ def head_config(**changes) -> PerAct2Config:
 def labels(voxel: torch.Tensor) -> KeyposeBins:
     """Labels with these voxels; the network reads no other part of them."""
     rest = torch.zeros(voxel.shape[:-1], dtype=torch.long)
-    return KeyposeBins(voxel, voxel, rest, rest)
+    return KeyposeBins(voxel, voxel, rest, rest, voxel)
 
 
 def pose_logits(prediction) -> torch.Tensor:
@@ -73,9 +73,7 @@ def test_dense_network_equals_the_written_out_one(make_network, monkeypatch, arm
     torch.testing.assert_close(prediction.translation.logits, translation)
     torch.testing.assert_close(pose_logits(prediction), pose)
     angles, flags = classes.split((3, 2), dim=-1)
-    losses = keypose_losses(
-        prediction, KeyposeBins(voxel, angles, *flags.unbind(-1)), torch.zeros(2, arms, 3)
-    )
+    losses = keypose_losses(prediction, KeyposeBins(voxel, angles, *flags.unbind(-1), voxel))
     sum(losses.values()).mean().backward()
     for name, parameter in parameters.items():
         torch.testing.assert_close(parameter.grad, expected[name], msg=lambda text, of=name: f"{of}: {text}")

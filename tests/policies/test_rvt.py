@@ -291,7 +291,7 @@ def test_the_fine_stage_zooms_in_on_the_coarse_prediction_and_in_training_near_t
     network = StagedRVT(scene.config, proprio_dim=4)
     rest = torch.randn(2, 4), torch.randn(2, 3, 6)
     voxel, flag = torch.tensor([[[3, 4, 5]], [[8, 0, 4]]]), torch.zeros(2, 1, dtype=torch.long)
-    target = KeyposeBins(voxel, torch.zeros_like(voxel), flag, flag)
+    target = KeyposeBins(voxel, torch.zeros_like(voxel), flag, flag, voxel.float())
     network.train()
     middles = torch.stack([network(scene, *rest, target).translation.middle for _ in range(50)])
     distance = (middles[:, 0] - voxel[0]).abs().amax(0)

@@ -14,7 +14,7 @@ FAR_M = 0.05
 """Position error from which a prediction counts as a miss."""
 
 
-def keypose_losses(prediction: KeyposePrediction, target: KeyposeBins, offset: Tensor) -> dict[str, Tensor]:
+def keypose_losses(prediction: KeyposePrediction, target: KeyposeBins) -> dict[str, Tensor]:
     """Cross-entropies (b,) of all parts, each summed over arms and rotation axes.
 
     The training loss is their plain sum, averaged over the batch (PerAct2 paper and code: all weights are 1).
@@ -22,8 +22,8 @@ def keypose_losses(prediction: KeyposePrediction, target: KeyposeBins, offset: T
     Args:
         prediction: output of the network.
         target: bins of the labels.
-        offset: (b, arms, 3) position within the voxels; see `TranslationPrediction.cross_entropy`.
     """
+    offset = target.place - target.voxel
     return {
         "translation": prediction.translation.cross_entropy(target.voxel, offset).sum(dim=1),
         "rotation": _cross_entropy(prediction.rotation, target.rotation),

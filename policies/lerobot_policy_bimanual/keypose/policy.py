@@ -157,10 +157,9 @@ class KeyposePolicy(PreTrainedPolicy):
                 keyposes = move_keyposes(motion, keyposes)
             observation = self.observe(batch, motion)
             target = self.target_bins(keyposes)
-            offset = self.codec.in_voxels(keyposes) - target.voxel - 0.5
         prediction = self.predict(observation, target)
         with full_precision(keyposes.device):
-            of_samples = keypose_losses(prediction, target, offset)
+            of_samples = keypose_losses(prediction, target)
             losses = {part: values.mean() for part, values in of_samples.items()}
             loss = torch.stack(list((of_samples if reduction == "none" else losses).values())).sum(dim=0)
             errors = keypose_errors(self._decode(prediction), keyposes)
@@ -215,11 +214,10 @@ class KeyposePolicy(PreTrainedPolicy):
         return replace(bins, voxel=bins.voxel.clamp(0, self.codec.voxels - 1))
 
     def _decode(self, prediction: KeyposePrediction) -> Tensor:
-        candidates = prediction.translation.candidates()
-        best = prediction.best(candidates)
+        best = prediction.best()
         if self.config.decode == "voxel":
             return self.codec.decode(best)
-        return self.codec.assemble(self.codec.voxel_centers(candidates.local_mean()), best)
+        return self.codec.assemble(self.codec.voxel_centers(best.place), best)
 
 
 def _make_language(config: KeyposePolicyConfig) -> nn.Module:

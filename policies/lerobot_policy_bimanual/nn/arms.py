@@ -39,7 +39,8 @@ class LeaderFollower(nn.Module):
     """Predicts the leader's keypose, and the follower's given the leader's.
 
     The leader's keypose, as numbers from -1 to 1, extends the follower's proprioception: the label in training (teacher
-    forcing), otherwise the leader's most probable keypose. Bins have no gradient, so none passes between the networks.
+    forcing), otherwise the leader's most probable keypose. Neither has a gradient, so none passes between the networks. The
+    position is not rounded to voxels: where labels lie on the border of two, a prediction would seem a whole one off.
     With `mark`, the follower also sees in its scene where the leader goes.
 
     Args:
@@ -48,7 +49,7 @@ class LeaderFollower(nn.Module):
         proprio_dim: numbers of proprioception per arm, without the leader's keypose.
         leader: the arm that decides first.
         codec: the discretisation of keyposes.
-        mark: adds a channel to a scene that marks voxels (b, 3), see `near`; None for the paper's follower, which has the
+        mark: adds a channel to a scene that marks places (b, 3) in voxels, see `near`; None for the paper's follower, which has the
             numbers only. `make_network` then also gets `goal_channels=1`.
     """
 
@@ -89,19 +90,19 @@ class LeaderFollower(nn.Module):
         leader = self.leader(scene, bodies[leading], language, targets[leading])
         goal = targets[leading] or leader.best()
         told = torch.cat([bodies[following], self._numbers(goal)], dim=-1)
-        seen = scene if self.mark is None else self.mark(scene, goal.voxel[:, 0])
+        seen = scene if self.mark is None else self.mark(scene, goal.place[:, 0])
         follower = self.follower(seen, told, language, targets[following])
         predictions = {leading: leader, following: follower}
         return join_arms([predictions[arm] for arm in ARMS])
 
     def _numbers(self, keypose: KeyposeBins) -> Tensor:
-        """One arm's bins (b, 1, ...) as (b, KEYPOSE_NUMBERS) float32 from -1 to 1.
+        """One arm's keypose (b, 1, ...) as (b, KEYPOSE_NUMBERS) float32 from -1 to 1.
 
-        The reference code gives bare indices, up to 99, and does not augment them with the scene.
+        The reference code gives bare indices of bins, up to 99, and does not augment them with the scene.
         """
         return torch.cat(
             [
-                (2 * keypose.voxel + 1) / self.codec.voxels - 1,  # the voxel's centre within the workspace
+                (2 * keypose.place + 1) / self.codec.voxels - 1,  # within the workspace
                 2 * keypose.rotation / self.codec.rotation_bins - 1,  # the angle in half turns
                 2.0 * keypose.gripper_open[..., None] - 1,
                 2.0 * keypose.ignore_collisions[..., None] - 1,

@@ -81,17 +81,15 @@ class KeyposePrediction:
         rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(sizes, dim=-1)
         return cls(translation, rotation.unflatten(-1, (3, -1)), gripper_open, ignore_collisions)
 
-    def best(self, candidates: VoxelCandidates | None = None) -> KeyposeBins:
-        """The most probable class of every part.
-
-        Args:
-            candidates: candidates of the translation, if the caller has computed them already.
-        """
+    def best(self) -> KeyposeBins:
+        """The most probable class of every part, and the expected position around the voxel; none has a gradient."""
+        candidates = self.translation.candidates()
         return KeyposeBins(
-            voxel=(candidates or self.translation.candidates()).best(),
+            voxel=candidates.best(),
             rotation=self.rotation.argmax(dim=-1),
             gripper_open=self.gripper_open.argmax(dim=-1),
             ignore_collisions=self.ignore_collisions.argmax(dim=-1),
+            place=candidates.local_mean().detach(),
         )
 
 

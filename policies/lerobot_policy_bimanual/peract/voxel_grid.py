@@ -59,9 +59,9 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         return grid
 
 
-def with_goal(grid: Tensor, voxel: Tensor) -> Tensor:
-    """Append a channel to a grid (b, c, v, v, v): 1 at the voxels (b, 3), less around them."""
-    x, y, z = near(voxel, grid.shape[-1]).to(grid.dtype).unbind(1)
+def with_goal(grid: Tensor, place: Tensor) -> Tensor:
+    """Append a channel to a grid (b, c, v, v, v): 1 at places (b, 3) in voxels, less around them."""
+    x, y, z = near(place, grid.shape[-1]).to(grid.dtype).unbind(1)
     mark = x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]
     return torch.cat([grid, mark[:, None]], dim=1)
 

@@ -19,7 +19,7 @@ class Scene:
         cloud: the points and their colours.
         config: sizes of the workspace, its views and the points.
         whole: (b, 5, 10, v, v) views of the workspace as made by `render_views`, with a further channel if there is a goal.
-        goal: (b, 3) voxels of another arm's goal, which a further channel of all views marks; None for no such channel.
+        goal: (b, 3) another arm's goal in voxels, which a further channel of all views marks; None for no such channel.
     """
 
     cloud: Observation
@@ -32,9 +32,9 @@ class Scene:
         """The scene of a cloud."""
         return cls(cloud, config, _views(cloud, config, 1))
 
-    def with_goal(self, voxel: Tensor) -> Self:
-        """The same scene with a mark at voxels (b, 3)."""
-        return replace(self, whole=with_mark(self.whole, voxel), goal=voxel)
+    def with_goal(self, place: Tensor) -> Self:
+        """The same scene with a mark at places (b, 3) in voxels."""
+        return replace(self, whole=with_mark(self.whole, place), goal=place)
 
     def zoomed_in(self, middle: Tensor) -> Tensor:
         """Views like `whole` of the surroundings of positions (b, 3) in voxels, `fine_stage_zoom` times larger."""

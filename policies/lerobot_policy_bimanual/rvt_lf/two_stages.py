@@ -54,7 +54,7 @@ class StagedRVT(nn.Module):
         if self.fine is None:
             return coarse
         if self.training and target is not None:
-            label = target.voxel[:, 0].float()
+            label = target.place[:, 0]
             middle = label + JITTER * self.half_view * (2 * torch.rand_like(label) - 1)
         else:
             middle = coarse.translation.candidates().local_mean()[:, 0]

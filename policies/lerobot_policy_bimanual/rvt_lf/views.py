@@ -53,9 +53,9 @@ def pixels_of_voxels(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
     return both[..., ROWS], both[..., COLUMNS]
 
 
-def with_mark(images: Tensor, voxel: Tensor) -> Tensor:
-    """Views (b, views, c, size, size) and, behind their channels, one that is 1 where voxels (b, 3) are seen and falls off."""
-    rows, columns = (near(pixels, images.shape[-1]) for pixels in pixels_of_voxels(voxel, images.shape[-1]))
+def with_mark(images: Tensor, place: Tensor) -> Tensor:
+    """Views (b, views, c, size, size) and, behind their channels, one that is 1 where places (b, 3) are seen and falls off."""
+    rows, columns = (near(pixels, images.shape[-1]) for pixels in pixels_of_voxels(place, images.shape[-1]))
     mark = (rows[..., :, None] * columns[..., None, :]).to(images.dtype)  # (b, views, size, size)
     return torch.cat([images, mark[:, :, None]], dim=2)
 
