@@ -55,10 +55,8 @@ def run_column(column: Sequence[BenchmarkConfig], lanes: int) -> None:
         BimanualError: some failed; the message has the files of their output.
     """
     lanes = 1 if any(Plan.of(cell).settings.trained_on for cell in column) else lanes
-    threads = max(
-        1, (usable_cores() - 1) // lanes
-    )  # one core is left to environments, as in `pipeline.start`
-    os.environ.setdefault("OMP_NUM_THREADS", str(threads))
+    # One core is left to environments and the system, as in `pipeline.start`.
+    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (usable_cores() - 1) // lanes)))
     waiting = deque(deque(group) for _, group in groupby(column, lambda cell: cell.task))
     running: dict[subprocess.Popen[bytes], deque[BenchmarkConfig]] = {}
     failed = []

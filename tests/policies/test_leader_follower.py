@@ -78,9 +78,7 @@ def test_when_acting_the_follower_is_told_the_prediction_of_the_leader(policy, l
     assert torch.equal(policy.select_action(batch), policy.codec.decode(best))
 
 
-def test_the_follower_hardly_sees_which_of_two_voxels_a_label_on_their_border_is_in(
-    policy, leader, make_batch
-):
+def test_a_follower_cannot_tell_in_which_of_two_voxels_a_label_on_their_border_is(policy, make_batch):
     seen, batch = spy(policy), make_batch()
     observation, target = policy.observe(batch), policy.target_bins(batch[ACTION])
     told = []
