@@ -52,7 +52,8 @@ class RVTLFConfig(KeyposePolicyConfig):
             raise BadConfig(f"patch={self.patch} must be odd: kernels of this width need a centre")
         if self.fine_stage_zoom > 1 and self.heatmap_fusion != "product":
             raise BadConfig(
-                f"fine_stage_zoom={self.fine_stage_zoom} needs heatmap_fusion=product: what both stages say is multiplied"
+                f"fine_stage_zoom={self.fine_stage_zoom} multiplies the distributions of two stages, which needs "
+                f"heatmap_fusion=product, not {self.heatmap_fusion}; or set fine_stage_zoom=1"
             )
         require_dilations(self, "heatmap_dilations")
         require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
