@@ -36,7 +36,8 @@ class TorchKeyposeCodec(layout.KeyposeGrid):
     def encode(self, vectors: Tensor) -> KeyposeBins:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
         arms = vectors.unflatten(-1, (len(ARMS), layout.ARM_KEYPOSE_DIM))
-        position = self.in_voxels(vectors)
+        from_corner_m = arms[..., layout.POSITION] - vectors.new_tensor(self.workspace.lower)
+        position = from_corner_m / vectors.new_tensor(self.voxel_size_m)
         euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., layout.QUATERNION])))
         rotation = ((euler_deg + 180) / self.rotation_bin_deg).round().long() % self.rotation_bins
         return KeyposeBins(
@@ -50,12 +51,6 @@ class TorchKeyposeCodec(layout.KeyposeGrid):
     def decode(self, discrete: KeyposeBins) -> Tensor:
         """Flat keyposes (..., 18) at the voxel centres and bin angles."""
         return self.assemble(self.voxel_centers(discrete.voxel), discrete)
-
-    def in_voxels(self, vectors: Tensor) -> Tensor:
-        """Positions of flat keyposes (..., 18) in voxels from the grid's corner, (..., 2, 3)."""
-        position = vectors.unflatten(-1, (len(ARMS), layout.ARM_KEYPOSE_DIM))[..., layout.POSITION]
-        lower = vectors.new_tensor(self.workspace.lower)
-        return (position - lower) / vectors.new_tensor(self.voxel_size_m)
 
     def voxel_centers(self, voxel: Tensor) -> Tensor:
         """World positions (..., 3) of voxel indices (..., 3); fractions of a voxel are allowed."""

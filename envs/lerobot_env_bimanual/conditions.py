@@ -7,13 +7,11 @@ Most say how things are now. `Once` and `Always` say how it came to that: they a
 the episode remembers what was found.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import ClassVar
 
@@ -61,14 +59,6 @@ class OnTheWay(Condition):
     @abstractmethod
     def after(self, so_far: bool | None, view: SceneView) -> bool:
         """Whether it is met, given whether it was a tick ago; None at the start of an episode."""
-
-
-def with_parts(conditions: Iterable[Condition]) -> Iterator[Condition]:
-    """Conditions, those on the way followed by their parts."""
-    for condition in conditions:
-        yield condition
-        if isinstance(condition, OnTheWay):
-            yield from condition.parts
 
 
 def on_the_way(

@@ -1,7 +1,5 @@
 """The Gymnasium environment: one task, one world, two kinds of action."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The program `lerobot-bimanual-eval`: LeRobot's own evaluation, of checked flags and checkpoints, with one bar."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from dataclasses import fields

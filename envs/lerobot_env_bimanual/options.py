@@ -3,8 +3,6 @@
 Also the checks of what `reset` is given.
 """
 
-from __future__ import annotations
-
 import difflib
 import os
 import re

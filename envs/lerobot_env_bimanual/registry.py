@@ -3,8 +3,6 @@
 The axes are chosen by a text such as `camera_moved:2,mass:1`, which is checked here without loading MuJoCo.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 import logging

@@ -5,8 +5,6 @@ Ctrl-C to its parent, and ends when its parent does. Where a worker dies, all it
 one by one, so that the one that kills its worker is known and named.
 """
 
-from __future__ import annotations
-
 import atexit
 import multiprocessing
 import os

@@ -1,9 +1,6 @@
 """The compiled worlds of one environment, one per set of props, and how episodes begin and are stopped in them."""
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,23 +30,16 @@ MAX_FORCE_N = 100.0
 MAX_PRESS_S = 0.1
 """For how long it may press harder."""
 
-type Perturb = Callable[[Task, Scene, EpisodeProgress, Callable[[], bool]], None]
-"""Changes an episode that can be done as it is, after its props were placed and before they come to rest.
-
-It may ask whether both arms can do the task in the present scene, by a rehearsal of the script.
-"""
-
 
 class EpisodeReset:
     """Starts episodes of one task in one scene, and perturbs them.
 
-    If `scene` is patched, its model differs from the task's; placements are then drawn in a scene that does not.
+    If the changes patch the model of `scene`, placements are drawn in a scene that is not patched.
     """
 
-    def __init__(self, task: Task, scene: Scene, perturb: Perturb, is_patched: bool = False):
-        self._task = task
-        self._scene = scene
-        self._perturb = perturb
+    def __init__(self, task: Task, scene: Scene, changes: Perturbations):
+        self._task, self._scene, self._changes = task, scene, changes
+        is_patched = changes.changes_model
         self._rehearsal = Rehearsal(scene, CODECS)
         self._drawn_in = Scene(scene.props, setting=scene.setting) if is_patched else scene
         self._first_rehearsal = Rehearsal(self._drawn_in, CODECS) if is_patched else self._rehearsal
@@ -75,7 +65,7 @@ class EpisodeReset:
                 if self._drawn_in is not self._scene:
                     self._scene.reset()
                     self._scene.place_like(self._drawn_in)
-                self._perturb(
+                self._changes.begin(
                     self._task, self._scene, progress, lambda: self._rehearsal.infeasibility(script) is None
                 )
                 self._scene.settle()
@@ -143,7 +133,7 @@ class Worlds:
             self._compiled[prop_set] = World(
                 scene,
                 KeyposePlanner(scene),
-                EpisodeReset(self._task, scene, changes.begin, changes.changes_model),
+                EpisodeReset(self._task, scene, changes),
                 ObservationRenderer(scene, self._options, changes.see),
                 ProtectiveStop(self._task.spec, scene) if self._options.protective_stop else None,
             )

@@ -6,6 +6,7 @@ actions; a script of keyposes that one arm follows can be rehearsed without phys
 
 import importlib
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import chain, islice, product
 
@@ -77,9 +78,13 @@ def one_armed(arm: Arm) -> Player:
     """The best way that is known for the episode."""
 
     def play(env: BimanualEnv) -> Moves:
-        tried = [(way, _rank(env, way)) for way in _until_solved(env, ways(env, arm))]
-        best, _ = max(tried, key=lambda each: each[1])
-        yield from _until_out_of_reach(best(env))
+        ranks: dict[Way, int] = {}
+        for way in islice(ways(env, arm), MAX_TRIES):
+            ranks[way] = _rank(env, way)
+            if ranks[way] == 2:
+                break
+        with suppress(OutOfReach):
+            yield from max(ranks, key=lambda way: ranks[way])(env)
 
     return play
 
@@ -95,20 +100,14 @@ def tally(task: str, arm: Arm, seeds: Iterable[int]) -> tuple[list[int], list[in
     return solved, but_for_the_way
 
 
-def _until_solved(env: BimanualEnv, ways: Iterable[Way]) -> Iterator[Way]:
-    for way in islice(ways, MAX_TRIES):
-        yield way
-        if _rank(env, way) == 2:
-            return
-
-
 def _rank(env: BimanualEnv, way: Way) -> int:
     """2 if a way solves a copy of the episode, 1 if all but conditions on the way are met at its end, else 0."""
     state = env.save_state()
-    for move in _until_out_of_reach(way(env)):
-        _, _, terminated, truncated, _ = env.step(move.action)
-        if terminated or truncated:
-            break
+    with suppress(OutOfReach):
+        for move in way(env):
+            _, _, terminated, truncated, _ = env.step(move.action)
+            if terminated or truncated:
+                break
     rank = 2 if env.progress.succeeded else int(_only_the_way_is_unmet(env))
     env.restore_state(state)
     return rank
@@ -118,10 +117,3 @@ def _only_the_way_is_unmet(env: BimanualEnv) -> bool:
     conditions = env.task_definition.conditions(env.progress.variation)
     unmet = [each for each in conditions if not env.progress.conditions[each.name]]
     return all(isinstance(each, OnTheWay) for each in unmet)
-
-
-def _until_out_of_reach(moves: Moves) -> Moves:
-    try:
-        yield from moves
-    except OutOfReach:
-        return

@@ -1,6 +1,7 @@
 """The values of LeRobot's flags, read before LeRobot is imported, which takes up to half a minute and then checks them."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from lerobot_bimanual.files import read_yaml
@@ -38,7 +39,7 @@ def is_trusted(words: Sequence[str]) -> bool:
 
 def _assignments(words: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Name and value of each flag; a value may be a word of its own."""
-    for word, following in zip(words, [*words[1:], "--"], strict=True):
+    for word, following in pairwise([*words, "--"]):
         if word.startswith("--") or word == "-h":
             name, equals, value = word.lstrip("-").partition("=")
             alone = "" if following.startswith("--") else following

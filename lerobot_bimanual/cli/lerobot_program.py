@@ -1,7 +1,5 @@
 """A program of LeRobot under our name: what can be said before LeRobot's import is said at once, and every failure on one line."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

@@ -1,7 +1,5 @@
 """The commands `task new` and `policy new`: a distribution that works, in which every form of its name is replaced."""
 
-from __future__ import annotations
-
 import keyword
 import re
 import sys

@@ -1,11 +1,10 @@
 """Dataset card, `README.md`: what is needed to use a dataset and to make it again."""
 
-from __future__ import annotations
-
 import tomllib
 from importlib.metadata import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
@@ -16,9 +15,6 @@ from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import write_file
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_NAMES
 from lerobot_bimanual.pages import render
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 CARD_FILE = Path("README.md")
 
@@ -36,8 +32,6 @@ def write_card(root: Path, repo_id: str) -> None:
         DatasetError: the dataset has no provenance.
         UnwritableOutput: its folder cannot be written.
     """
-    import pandas as pd
-
     provenance = Provenance.of_dataset(root)
     if provenance is None:
         raise DatasetError(f"{root} has no provenance, so there is nothing to write a card from")
@@ -67,8 +61,6 @@ def write_card(root: Path, repo_id: str) -> None:
 
 
 def _columns(info: dict, view: schema.View) -> pd.DataFrame:
-    import pandas as pd
-
     rows = []
     meanings = MEANINGS | {schema.ACTION: MEANINGS[schema.ACTION][view]}
     for key, feature in info["features"].items():

@@ -1,19 +1,15 @@
 """The columns of a dataset, as LeRobot's feature table, and what they store of a depth image."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
 
 FPS: dict[schema.View, int] = {"frames": CONTROL_HZ, "keyframes": 1}
 """Rows per second. Those of `keyframes` have no rate, but LeRobot wants a whole number: with 1 its `timestamp`, the row's
@@ -53,7 +49,7 @@ def features(
     view: schema.View,
     depth: bool = True,
     further: Mapping[str, str] | None = None,
-    calibration: BaseModel | None = None,
+    calibration: Calibration | None = None,
 ) -> dict[str, dict[str, Any]]:
     """LeRobot feature table of one view.
 

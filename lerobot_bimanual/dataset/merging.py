@@ -6,8 +6,6 @@ hundred features of its tables. Here videos keep their files and tables get new 
 nothing beside recording. A test holds the two against each other.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

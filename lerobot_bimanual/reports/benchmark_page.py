@@ -1,7 +1,5 @@
 """Page of the results of many benchmarks, side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from statistics import fmean, stdev

@@ -3,8 +3,6 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
 # The types of pandas do not tell a frame from a series where it is indexed or grouped.
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

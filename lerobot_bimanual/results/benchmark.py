@@ -1,7 +1,5 @@
 """One policy on one task, as a JSON file that says how the result came about."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal, Self
 

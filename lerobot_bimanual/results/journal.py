@@ -1,7 +1,5 @@
 """Append-only files of finished work: whatever ends the process, what was added is on the disk."""
 
-from __future__ import annotations
-
 import os
 from contextlib import suppress
 from pathlib import Path

@@ -10,6 +10,7 @@ import binascii
 import hashlib
 import re
 import zlib
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,12 +93,8 @@ def first_difference(links: str, others: str) -> int | None:
     Raises:
         ValueError: a text is not one of links.
     """
-    one, other = _links(links), _links(others)
-    pairs = zip(one, other, strict=False)
-    differing = next((index for index, (link, another) in enumerate(pairs) if link != another), None)
-    if differing is None and len(one) != len(other):
-        return min(len(one), len(other))
-    return differing
+    pairs = enumerate(zip_longest(_links(links), _links(others)))
+    return next((index for index, (link, another) in pairs if link != another), None)
 
 
 def _links(text: str) -> list[bytes]:

@@ -1,7 +1,5 @@
 """Intervals of success rates, and tests of paired outcomes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt

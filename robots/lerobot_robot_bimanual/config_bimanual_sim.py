@@ -1,7 +1,5 @@
 """LeRobot's `--robot.type=bimanual_sim`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from lerobot.robots.config import RobotConfig

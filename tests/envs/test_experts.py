@@ -48,11 +48,9 @@ def env_of():
 def test_the_expert_solves_its_task_exactly_and_rounded(env_of, name, seed, codec):
     outcome = run_episode(env_of(name), seed, expert(codec))
     assert outcome.success, outcome
-    assert outcome.failure is None
     assert outcome.unmet == ()
     assert outcome.line_fallbacks == 0, outcome
     assert outcome.late_moves == (), outcome
-    assert outcome.draws >= 1
     assert outcome.ticks <= 0.8 * env_of(name).task_definition.spec.horizon_ticks
 
 

@@ -207,6 +207,7 @@ CHANGES = {
     "unreadable actions": (lambda e: reproved(e, actions=("7x18:!",)), "cannot be unpacked|not the 7"),
     "the seed": (lambda e: e.model_copy(update={"seed": e.seed + 1}), "another state at the start"),
     "a link": (lambda e: reproved(e, links=other_link(e.proof.links)), "another action or state at step 1"),
+    "unreadable links": (lambda e: reproved(e, links='"'), "cannot be compared: "),
     "the last link": (lambda e: reproved(e, end="0" * 64), "chain of state hashes ends otherwise"),
     "the instruction": (lambda e: reproved(e, instruction="win"), "instruction is 'win'"),
 } | {

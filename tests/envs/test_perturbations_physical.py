@@ -148,9 +148,7 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     env = shared("handover_item_easy", "nudge", 3)
     assert not run_episode(env, 0, expert(), variation=0).success  # it read the scene once
     looks_again = run_episode(env, 0, make_player("replanning", 0), variation=0)
-    recorder = Recorder()
-    outcome, episode = recorder.record(env.task, env.options, 0, 0)
-    recorder.close()
+    outcome, episode = Recorder().record(env.task, env.options, 0, 0)
     assert episode is not None
     assert outcome == looks_again
 

@@ -90,7 +90,7 @@ def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder:
     weights = folder / "model.safetensors"
     assert weights.stat().st_size <= 12_000_000
     rows = [row for row in BOARD.values() if row.checkpoint_sha256 == sha256(weights)]
-    assert {row.config.policy_id for row in rows} <= {folder.name}
+    assert {row.config.policy_id for row in rows} == {folder.name}
     for row in rows:
         assert {each.task for each in rows} == {*resolve_tasks(row.config.trained_on)}
         assert row.rates["policy"].interval[0] > row.rates["open_loop"].interval[1]

@@ -148,7 +148,14 @@ assert not any(map(find_spec, ("lerobot", "torch", "datasets", "pyarrow")))
     succeed(slim_python, *ours, "expert", "evaluate", "--task=push_box", "--episodes=1", f"--output={report}")
     assert report.is_file()
     succeed(slim_python, *ours, "doctor")
-    for command in ("dataset generate", "dataset verify", "policy robustness", "results verify"):
+    needing = (
+        "dataset from-results",
+        "dataset generate",
+        "dataset verify",
+        "policy robustness",
+        "results verify",
+    )
+    for command in needing:
         told = succeed(slim_python, *ours, *command.split(), code=1)
         assert f"`{command}` needs lerobot, which is not installed: pip install 'lerobot_" in told
         assert len(told.splitlines()) == 1

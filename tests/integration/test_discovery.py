@@ -8,7 +8,7 @@ import pytest
 from programs import run
 
 from lerobot_bimanual.cli import lerobot_program
-from lerobot_bimanual.cli.lerobot_flags import is_trusted, without_ours
+from lerobot_bimanual.cli.lerobot_flags import flag_values, is_trusted, without_ours
 
 DISCOVER = """
 import json, sys
@@ -71,6 +71,10 @@ def test_lerobot_gets_none_of_our_flags(ours, trusted) -> None:
     for words in ([*ours, *lerobots], [*lerobots, *ours]):
         assert without_ours(words) == lerobots
         assert is_trusted(words) is trusted
+
+
+def test_a_program_without_flags_is_told_no_values() -> None:
+    assert flag_values([]) == {}
 
 
 def test_lerobots_programs_say_that_it_is_not_installed(monkeypatch, capsys) -> None:

@@ -1,67 +1,44 @@
-"""LeRobot's own evaluation loop plays several tasks at the same time."""
+"""LeRobot's own evaluation plays several tasks at the same time."""
 
-from collections.abc import Callable
-from unittest.mock import MagicMock
+from pathlib import Path
 
 import pytest
-import torch
-from lerobot.envs.factory import make_env
-from lerobot.envs.utils import close_envs
-from lerobot.policies import PreTrainedPolicy
-from lerobot.processor import PolicyProcessorPipeline
-from lerobot.scripts.lerobot_eval import eval_policy_all
-
-from lerobot_bimanual.dataset import schema
-from lerobot_env_bimanual import BimanualEnvConfig
-from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
+from programs import run
 
 pytestmark = pytest.mark.slow
 
-SIZE = 24
+SHIPPED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 
 
-def scripted_policy(act: Callable[[dict], torch.Tensor]) -> MagicMock:
-    """A policy that computes actions from the observation by a function."""
-    policy = MagicMock(spec=PreTrainedPolicy, training=False)
-    policy.select_action.side_effect = act
-    return policy
+def records(folder: Path, *flags: str) -> dict[str, bytes]:
+    """The records of two short episodes of two tasks by their file's name, evaluated with further flags."""
+    policy = (f"--policy.path={SHIPPED}", "--policy.device=cpu")
+    env = (
+        "--env.type=bimanual",
+        "--env.task=push_box,lift_ball",
+        "--env.image_size=128",
+        "--env.max_keyposes=1",
+    )
+    output = (f"--env.results_dir={folder}", f"--output_dir={folder}")
+    run(
+        "lerobot-eval",
+        *policy,
+        *env,
+        *output,
+        "--eval.n_episodes=2",
+        "--eval.batch_size=2",
+        *flags,
+        folder=folder,
+    )
+    return {path.name: path.read_bytes() for path in folder.glob("*_record.json")}
 
 
-def observed(policy: MagicMock, key: str) -> torch.Tensor:
-    """One entry of all observations that a policy was given."""
-    return torch.stack([call.args[0][key] for call in policy.select_action.call_args_list])
-
-
-def processors() -> dict[str, PolicyProcessorPipeline]:
-    """Processors that change nothing."""
-    names = ("env_preprocessor", "env_postprocessor", "preprocessor")
-    action = PolicyProcessorPipeline(steps=[], to_transition=lambda a: a, to_output=lambda a: a)
-    return {name: PolicyProcessorPipeline(steps=[]) for name in names} | {"postprocessor": action}
-
-
-@pytest.fixture
-def at_most_ten_steps(monkeypatch):
-    """Let LeRobot cut rollouts early."""
-    call = LazyVectorEnv.call
-
-    def short(self, name, *arguments):
-        return (10,) * self.num_envs if name == "_max_episode_steps" else call(self, name, *arguments)
-
-    monkeypatch.setattr(LazyVectorEnv, "call", short)
-
-
-@pytest.mark.parametrize("asynchronous", [False, True])
-def test_two_tasks_are_evaluated_at_the_same_time(asynchronous, tmp_path, at_most_ten_steps):
-    config = BimanualEnvConfig(task="push_box,lift_ball", image_size=SIZE, max_parallel_tasks=2)
-    results = []
-    for number in (1, config.max_parallel_tasks):
-        envs = make_env(config, n_envs=2, use_async_envs=asynchronous)
-        policy = scripted_policy(lambda batch: batch[schema.STATE])
-        options = {"videos_dir": tmp_path / str(number), "max_episodes_rendered": 1, "start_seed": 0}
-        options |= {"n_episodes": 2, "max_parallel_tasks": number}
-        info = eval_policy_all(envs, policy, **processors(), **options)
-        close_envs(envs)  # in this thread, while the images were made in others
-        images = observed(policy, schema.image_key("front")).flatten(1).sum(1)
-        results.append((info["overall"]["n_episodes"], sorted(images.tolist())))
-    assert results[0] == results[1]
-    assert {path.parent.name for path in (tmp_path / "2").rglob("*.mp4")} == {"push_box_0", "lift_ball_1"}
+def test_tasks_that_are_evaluated_at_the_same_time_are_played_as_one_after_the_other(tmp_path):
+    one_by_one, in_threads, in_processes = (tmp_path / name for name in ("one", "threads", "processes"))
+    for folder in (one_by_one, in_threads, in_processes):
+        folder.mkdir()
+    expected = records(one_by_one, "--eval.use_async_envs=false")
+    assert {"push_box_test_record.json", "lift_ball_test_record.json"} <= expected.keys()
+    together = "--env.max_parallel_tasks=2"
+    assert records(in_threads, together, "--eval.use_async_envs=false") == expected
+    assert records(in_processes, together, "--eval.use_async_envs=true") == expected

@@ -32,7 +32,6 @@ TINY_ACT = [
 ]
 POLICIES = Path(__file__).parents[2] / "policies"
 SHIPPED = POLICIES.parent / "results/checkpoints/peract2_on_all"
-UNNAMED_ACT = [flag for flag in TINY_ACT if not flag.startswith("--policy.input_features")]
 
 
 def train(*flags, folder: Path, data: str, steps: int, output: str, command="lerobot-train") -> None:
@@ -127,16 +126,6 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
     weights = (room / f"lerobot-bimanual-train-{policy}").rglob("*.safetensors")
     usual = (room / "data" / view / "meta/info.json").stat().st_mode
     assert {path.stat().st_mode for path in weights} == {usual}
-
-
-@pytest.mark.parametrize(
-    ("view", "flags", "numbers", "mode"),
-    [("frames", UNNAMED_ACT, 16, "joint"), ("keyframes", TINY_ACT, 18, "keypose")],
-)
-def test_act_learns_the_actions_of_either_view_by_lerobot_alone(room, view, flags, numbers, mode):
-    train(*flags, folder=room, data=f"data/{view}", steps=2, output=f"act_{view}")
-    assert checkpoint_config(room / f"act_{view}")["output_features"]["action"]["shape"] == [numbers]
-    assert evaluate(f"act_{view}", room, "--env.obs=rgb", f"--env.control_mode={mode}")["n_episodes"] == 1
 
 
 @pytest.mark.weekly

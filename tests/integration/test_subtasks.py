@@ -1,20 +1,23 @@
 """The expert's stages in words, in LeRobot's own language columns."""
 
-import json
 import shutil
 from pathlib import Path
 
 import pytest
+import torch
 from lerobot.configs.recipe import MessageTurn, TrainingRecipe
 from lerobot.datasets import LeRobotDataset
+from lerobot.datasets.language import LANGUAGE_PERSISTENT
 from lerobot.lerobot_types import TransitionKey
 from lerobot.processor.converters import batch_to_transition
 from lerobot.processor.render_messages_processor import RenderMessagesStep
+from lerobot.utils.collate import lerobot_collate_fn
 from programs import run
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import schema
 from lerobot_policy_bimanual.inspection.loading import batch_of
+from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 pytestmark = pytest.mark.weekly
 
@@ -51,24 +54,12 @@ def test_lerobot_reads_which_stage_every_row_belongs_to_and_verify_finds_nothing
     assert main(["dataset", "verify", f"--root={root}"]) == 0
 
 
-def test_lerobots_act_trains_on_annotated_datasets(annotated_once, tmp_path):
-    inputs = {"observation.state": ("STATE", [16]), "observation.images.front": ("VISUAL", [3, 24, 32])}
-    features = json.dumps({key: {"type": kind, "shape": shape} for key, (kind, shape) in inputs.items()})
-    policy = ("--policy.type=act", "--policy.pretrained_backbone_weights=null", "--policy.device=cpu")
-    size = ("--policy.chunk_size=2", "--policy.n_action_steps=2", "--policy.dim_model=64")
-    flags = (*policy, *size, f"--policy.input_features={features}", "--policy.push_to_hub=false")
-    run("lerobot-train", *flags, *training(annotated_once / "frames"), folder=tmp_path)
-    assert (tmp_path / "trained/checkpoints/last/pretrained_model/model.safetensors").is_file()
-
-
-def training(root: Path) -> list[str]:
-    """Flags for two steps on a dataset."""
-    return [
-        *("--dataset.repo_id=local/annotated", f"--dataset.root={root}", "--output_dir=trained"),
-        *("--steps=2", "--save_freq=2", "--batch_size=2", "--num_workers=0"),
-    ]
-
-
-def test_rows_of_an_annotated_dataset_make_a_batch_for_inspect_and_accuracy(annotated_once):
-    batch = batch_of(LeRobotDataset("local/annotated", root=annotated_once / "keyframes"), range(3))
-    assert batch[schema.ACTION].shape == (3, 18)
+def test_rows_of_an_annotated_dataset_make_a_batch_and_keep_their_words_in_training_from_memory(
+    annotated_once,
+):
+    dataset = LeRobotDataset("local/annotated", root=annotated_once / "keyframes")
+    assert batch_of(dataset, range(3))[schema.ACTION].shape == (3, 18)
+    held = ResidentDataset(dataset, torch.device("cpu"))
+    batch = held.batch(lerobot_collate_fn([held[row] for row in range(3)]))
+    words = [[said["content"] for said in row] for row in batch[LANGUAGE_PERSISTENT]]
+    assert words == [STAGES] * 3

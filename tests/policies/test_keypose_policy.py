@@ -175,7 +175,6 @@ def test_decoder_gradients_in_bfloat16_stay_close():
         return torch.autograd.grad(decoder(coarse, stem).square().sum(), coarse)[0]
 
     full, half = in_both_precisions(gradient, coarse, stem)
-    assert half.dtype == torch.float32
     assert relative_error(half, full) < 0.05
 
 

@@ -93,16 +93,6 @@ def test_upsampled_convolution_equals_interpolation_then_convolution(size):
     torch.testing.assert_close(*gradients)
 
 
-@pytest.mark.parametrize(("before", "after"), [(2, 2), (2, 0), (0, 1), (2, -1)])
-def test_padding_and_its_gradient_equal_torchs_own(before, after):
-    x = torch.randn(2, 3, 4, 2, 6, dtype=torch.float64, requires_grad=True)
-    expected = torch.nn.functional.pad(x, (before, after) * 3, mode="replicate")
-    actual = pad_replicate(x, before, after)
-    assert torch.equal(actual, expected)
-    probe = torch.randn_like(actual)
-    torch.testing.assert_close(*(torch.autograd.grad(padded, x, probe)[0] for padded in (actual, expected)))
-
-
 def test_pooling_keeps_the_ranking_of_bfloat16_features():
     x = torch.zeros(1, 1, 4, 4, 4, dtype=torch.bfloat16)
     x[0, 0, 3, 0, 1] = 8

@@ -1,7 +1,5 @@
 """The command `dataset from-results`: a dataset of the episodes that policies have played."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import batched, chain

@@ -1,7 +1,5 @@
 """The command `expert report`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

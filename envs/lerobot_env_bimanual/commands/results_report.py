@@ -1,7 +1,5 @@
 """The command `results report`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command `results verify`."""
 
-from __future__ import annotations
-
 import secrets
 from dataclasses import dataclass, field
 from pathlib import Path

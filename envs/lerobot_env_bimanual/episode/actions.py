@@ -24,8 +24,6 @@ documentation, as in `robots.panda`). An action beyond it is replaced by one wit
 wanted as soon as it can and without passing it. The experts stay far below, so their actions go through as they are.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray

@@ -5,8 +5,6 @@ key of the same meaning: `pixels[camera]` and `agent_pos` have the names LeRobot
 dataset's without its prefix `observation.`. All arrays are fresh copies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

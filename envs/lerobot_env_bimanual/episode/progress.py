@@ -1,7 +1,5 @@
 """What an episode remembers besides the state of its scene, and what its seed draws first."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field

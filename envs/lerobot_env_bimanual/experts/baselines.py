@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import zip_longest
 
 import numpy as np
@@ -55,15 +55,16 @@ def make_player(
         mean_keyposes: (18,) each, the keyposes of `open_loop` in every scene; see `mean_of_episodes`.
         plan: number of the plan of `expert`.
     """
+    rng = np.random.default_rng(seed)
     players: dict[PlayerName, Player] = {
         "expert": expert(codec, plan),
         "replanning": replanning(codec),
         "noop": noop,
-        "random": random(np.random.default_rng(seed)),
-        "open_loop": open_loop(mean_keyposes),
+        "random": partial(random, rng=rng),
+        "open_loop": partial(open_loop, keyposes=mean_keyposes),
         "nearest": nearest,
-        "mixed": mixed(np.random.default_rng(seed)),
-        "language_ablated": language_ablated(np.random.default_rng(seed)),
+        "mixed": partial(mixed, rng=rng),
+        "language_ablated": partial(language_ablated, rng=rng),
     }
     return players[name]
 
@@ -75,24 +76,21 @@ def noop(env: BimanualEnv) -> Iterator[Move]:
         yield Move("hold", hold)
 
 
-def random(rng: np.random.Generator) -> Player:
+def random(env: BimanualEnv, rng: np.random.Generator) -> Iterator[Move]:
     """Keyposes drawn from the whole workspace, with random rotations and grippers."""
 
     def keypose() -> Keypose:
         pose = Pose(VOXEL_WORKSPACE.sample(rng), quat_wxyz_canonical(rng.normal(size=4)))
         return Keypose(pose, gripper_open=bool(rng.integers(2)), ignore_collisions=bool(rng.integers(2)))
 
-    def play(env: BimanualEnv) -> Iterator[Move]:
-        targets = (BimanualKeypose(keypose(), keypose()) for _ in range(RANDOM_KEYPOSES))
-        return _leniently(env, _numbered(targets), rng)
-
-    return play
+    targets = (BimanualKeypose(keypose(), keypose()) for _ in range(RANDOM_KEYPOSES))
+    return _leniently(env, _numbered(targets), rng)
 
 
-def open_loop(keyposes: Sequence[ArrayLike]) -> Player:
+def open_loop(env: BimanualEnv, keyposes: Sequence[ArrayLike]) -> Iterator[Move]:
     """The same keyposes (18,) in every episode, whatever the scene."""
     targets = [BimanualKeypose.from_vector(keypose) for keypose in keyposes]
-    return lambda env: _leniently(env, _numbered(targets), np.random.default_rng(0))
+    return _leniently(env, _numbered(targets), np.random.default_rng(0))
 
 
 def nearest(env: BimanualEnv) -> Iterator[Move]:
@@ -101,38 +99,31 @@ def nearest(env: BimanualEnv) -> Iterator[Move]:
     It is told where everything is, and how large, and does nothing but remember. What it solves can be learned by heart.
     """
     here, bank = Layout.of(env), demonstrations(env.task, env.variation, env.options.setting)
-    return open_loop([*min(bank, key=lambda known: here.distance_m(known[0]))[1]])(env)
+    _, keyposes = min(bank, key=lambda known: here.distance_m(known[0]))
+    return open_loop(env, [*keyposes])
 
 
-def mixed(rng: np.random.Generator) -> Player:
+def mixed(env: BimanualEnv, rng: np.random.Generator) -> Iterator[Move]:
     """The left arm by one of the task's plans and the right arm by another, drawn at random, leniently."""
+    left_plan, right_plan = rng.permutation(len(env.task_definition.spec.plans))[:2]
 
-    def play(env: BimanualEnv) -> Iterator[Move]:
-        left_plan, right_plan = rng.permutation(len(env.task_definition.spec.plans))[:2]
+    def targets() -> Iterator[tuple[str, BimanualKeypose]]:
+        left_target = right_target = home_keypose(env.scene)
+        left_script, right_script = (
+            env.task_definition.by_plan(env.progress.variation, int(plan))(env.scene)
+            for plan in (left_plan, right_plan)
+        )
+        for left_stage, right_stage in zip_longest(left_script, right_script, fillvalue=Stage("stay")):
+            left_target, right_target = left_stage.keypose(left_target), right_stage.keypose(right_target)
+            yield left_stage.name, BimanualKeypose(left_target.left, right_target.right)
 
-        def targets() -> Iterator[tuple[str, BimanualKeypose]]:
-            left_target = right_target = home_keypose(env.scene)
-            left_script, right_script = (
-                env.task_definition.by_plan(env.progress.variation, int(plan))(env.scene)
-                for plan in (left_plan, right_plan)
-            )
-            for left_stage, right_stage in zip_longest(left_script, right_script, fillvalue=Stage("stay")):
-                left_target, right_target = left_stage.keypose(left_target), right_stage.keypose(right_target)
-                yield left_stage.name, BimanualKeypose(left_target.left, right_target.right)
-
-        yield from _leniently(env, targets(), np.random.default_rng(0))
-
-    return play
+    return _leniently(env, targets(), np.random.default_rng(0))
 
 
-def language_ablated(rng: np.random.Generator) -> Player:
+def language_ablated(env: BimanualEnv, rng: np.random.Generator) -> Iterator[Move]:
     """The expert's keyposes for an instruction drawn at random among those that the scene allows."""
-
-    def play(env: BimanualEnv) -> Iterator[Move]:
-        scripts = env.task_definition.readings(env.scene)
-        yield from play_script(env, scripts[rng.integers(len(scripts))])
-
-    return play
+    scripts = env.task_definition.readings(env.scene)
+    return play_script(env, scripts[rng.integers(len(scripts))])
 
 
 def play_script(env: BimanualEnv, script: Script) -> Iterator[Move]:

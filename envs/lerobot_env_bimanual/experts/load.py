@@ -14,8 +14,6 @@ differences. The scene's commands follow a quadratic spline, of which these are 
 constant within a tick and step between two within one step of physics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 

@@ -4,8 +4,6 @@ It demonstrates only where all plans of the task can be done. Neither scene nor 
 scenes by each, see `lerobot_env_bimanual.generation.plan`: what is learned from a scene says nothing about the plan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from lerobot_bimanual.codec import KeyposeCodec

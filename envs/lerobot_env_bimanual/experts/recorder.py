@@ -6,8 +6,6 @@ of keyframes renders a dozen rows instead of hundreds, and an episode with all i
 memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
@@ -105,7 +103,11 @@ class Recorder:
             InvalidChoice: the task has no such plan.
             PlacementFailure: the seed has no placement of the props that both arms can serve, or not with all plans.
         """
-        env = self._env_of(task, options)
+        if self._env is None or (self._env.task, self._env.options) != (task, options):
+            if self._env is not None:
+                self._env.close()
+            self._env = BimanualEnv(task, options=options)
+        env = self._env
         keyposes: list[NDArray[np.float32]] = []
         tape = Tape(env, lambda: len(keyposes) - 1)
         with env.observed_by(tape.note):
@@ -116,18 +118,6 @@ class Recorder:
             return outcome, None
         further = {} if plan is None else {PLAN: np.array([plan])}
         return outcome, replace(tape.demonstration(np.array(keyposes)), further=further)
-
-    def close(self) -> None:
-        """Free the simulation and the renderer."""
-        if self._env is not None:
-            self._env.close()
-        self._env = None
-
-    def _env_of(self, task: str, options: EnvOptions) -> BimanualEnv:
-        if self._env is None or (self._env.task, self._env.options) != (task, options):
-            self.close()
-            self._env = BimanualEnv(task, options=options)
-        return self._env
 
 
 def recording_options(

@@ -1,7 +1,5 @@
 """Expert reports: the criteria that a player must meet, and how a report is made and printed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 

@@ -5,8 +5,6 @@ and use it for several stages. That is right as long as only the hands move them
 expert starts its script again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any

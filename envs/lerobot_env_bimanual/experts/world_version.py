@@ -27,7 +27,7 @@ from tqdm import tqdm
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions, other_c_library
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
-from lerobot_env_bimanual.conditions import with_parts
+from lerobot_env_bimanual.conditions import OnTheWay
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.experts.runner import Move, expert, run_episode
@@ -142,9 +142,10 @@ def _task_facts(task: Task) -> Iterator[str]:
     yield f"{spec.name} {spec.id} horizon {spec.horizon_ticks}"
     for variation in spec.variations:
         yield f"{variation} {spec.instructions_for(variation)}"
-        for condition in with_parts(task.conditions(variation)):
-            values = {field.name: getattr(condition, field.name) for field in fields(condition)}
-            yield f"{type(condition).__name__} {values}"
+        for condition in task.conditions(variation):
+            for each in (condition, *(condition.parts if isinstance(condition, OnTheWay) else ())):
+                values = {field.name: getattr(each, field.name) for field in fields(each)}
+                yield f"{type(each).__name__} {values}"
 
 
 def _model_facts(env: BimanualEnv) -> Iterator[str]:

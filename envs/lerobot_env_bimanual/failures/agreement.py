@@ -4,8 +4,6 @@ The first choice of an arm is its keypose at the index from which on the plans s
 place is nearest. Scenes that do not allow all plans leave nothing to choose.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Sequence
 from typing import Any

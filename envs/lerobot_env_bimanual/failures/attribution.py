@@ -9,8 +9,6 @@ Under perturbations that move bodies after the start, the replanning expert take
 policy that does without it may be saved one keypose later than it was lost.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

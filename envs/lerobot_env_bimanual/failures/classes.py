@@ -3,8 +3,6 @@
 The expert's episode of the same seed tells which bodies should have been gripped and touched.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from enum import StrEnum
 

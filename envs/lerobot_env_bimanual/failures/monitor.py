@@ -1,7 +1,5 @@
 """What happens in an episode while it is played: facts of physics and of commands, without a verdict."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
@@ -63,7 +61,13 @@ class EpisodeMonitor:
         self._conditions = task.conditions(variation)
         self._others = [other for other in other_conditions(task, variation) if not other(env.scene)]
         self._load = LoadMeter(env.scene)
-        self._bodies = _Bodies(env)
+        self.note_step = self._load.observe_step
+        scene = env.scene
+        part, root = scene.model.body_weldid, scene.model.body_rootid
+        movable = np.where(
+            part[root] != 0, root, part
+        )  # free bodies as a whole, and each moving part of furniture
+        self._body_of_geom = np.where(scene.arm_of_body < 0, movable, 0)[scene.model.geom_bodyid]
         self._gripped: Counter[tuple[Arm, str]] = Counter()
         self._touched: set[str] = set()
         self._closed: Counter[Arm] = Counter()
@@ -78,10 +82,6 @@ class EpisodeMonitor:
         """Note the state before a tick, and its joint action (16,)."""
         self._load.observe_tick(joint_action)
         self._observe()
-
-    def note_step(self) -> None:
-        """Note a step of physics."""
-        self._load.observe_step()
 
     def events(self) -> EpisodeEvents:
         """The events, after the episode has ended."""
@@ -115,10 +115,25 @@ class EpisodeMonitor:
         closed = {arm for arm in ARMS if by_arm(scene.commanded)[arm.ordinal, -1] < 0.5}
         self._closed.update(closed)
         self._first_closed = dict.fromkeys(closed, self._env.progress.ticks) | self._first_closed
-        self._touched.update(*(self._bodies.touched(arm) for arm in ARMS))
-        held = {arm: self._bodies.held(arm) for arm in ARMS}
+        self._touched.update(*(self._in_contact(scene.arm_pair.hand_body(arm)) for arm in ARMS))
+        held = {arm: self._held(arm) for arm in ARMS}
         self._gripped.update((arm, body) for arm in ARMS for body in held[arm])
         self._follow(held, closed)
+
+    def _held(self, arm: Arm) -> set[str]:
+        """Names of the bodies that a hand grips, as `SceneView.held` defines it."""
+        scene = self._env.scene
+        if not scene.grips(arm):
+            return set()
+        return set.intersection(*map(self._in_contact, scene.arm_pair.finger_names(arm)))
+
+    def _in_contact(self, part: str) -> set[str]:
+        """Names of the movable bodies that a part of an arm touches."""
+        scene = self._env.scene
+        pairs = scene.data.contact.geom.reshape(-1, 2)
+        own = scene.geoms(part)[pairs]
+        bodies = np.unique(self._body_of_geom[pairs[own[:, ::-1]]])
+        return {scene.model.body(body).name for body in bodies if body}
 
     def _follow(self, held: dict[Arm, set[str]], closed: set[Arm]) -> None:
         """Follow the bodies that hands carry, and note those that they lose."""
@@ -146,35 +161,6 @@ class _Carried:
     height_m: float = 0.0
     ticks: int = 0
     ticks_since: int = 0
-
-
-class _Bodies:
-    """The movable bodies of a scene: each free body as a whole, and each moving part of furniture."""
-
-    def __init__(self, env: BimanualEnv):
-        self._scene = scene = env.scene
-        model, pair = scene.model, scene.arm_pair
-        part, root = model.body_weldid, model.body_rootid
-        movable = np.where(part[root] != 0, root, part)
-        self._body_of_geom = np.where(scene.arm_of_body < 0, movable, 0)[model.geom_bodyid]
-        self._hands = {arm: scene.geoms(pair.hand_body(arm)) for arm in ARMS}
-        self._fingers = {arm: [scene.geoms(finger) for finger in pair.finger_names(arm)] for arm in ARMS}
-
-    def touched(self, arm: Arm) -> set[str]:
-        """Names of the bodies that a hand touches."""
-        return self._in_contact(self._hands[arm])
-
-    def held(self, arm: Arm) -> set[str]:
-        """Names of the bodies that a hand grips, as `SceneView.held` defines it."""
-        if not self._scene.grips(arm):
-            return set()
-        return set.intersection(*map(self._in_contact, self._fingers[arm]))
-
-    def _in_contact(self, geoms: NDArray[np.bool_]) -> set[str]:
-        pairs = self._scene.data.contact.geom.reshape(-1, 2)
-        own = geoms[pairs]
-        bodies = np.unique(self._body_of_geom[pairs[own[:, ::-1]]])
-        return {self._scene.model.body(body).name for body in bodies if body}
 
 
 def other_conditions(task: Task, variation: Variation) -> Iterator[Condition]:

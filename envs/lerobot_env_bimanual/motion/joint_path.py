@@ -1,7 +1,5 @@
 """Smooth paths through joint space, and polylines with rounded corners to make them from."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ Paths", IJRR 1985). A moving average over time takes the steps out of its accele
 the result, and where they break a limit after all, the motion takes a tick more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """Axes that change the arms: `arm_late`, `command_noise`, `grip_force`, `start_posture`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

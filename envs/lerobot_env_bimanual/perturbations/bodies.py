@@ -1,7 +1,5 @@
 """Axes that change what the arms handle: `friction`, `mass`, `nudge`, `size`, `stiffness`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

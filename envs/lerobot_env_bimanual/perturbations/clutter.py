@@ -1,7 +1,5 @@
 """The axis `clutter`: things on the table that no task uses, where neither a hand nor a door passes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

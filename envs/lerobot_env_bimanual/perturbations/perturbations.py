@@ -1,7 +1,5 @@
 """The chosen axes at their levels, and the streams of randomness from which they draw."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -61,7 +59,14 @@ class Perturbations:
     def begin(
         self, task: Task, scene: Scene, progress: EpisodeProgress, is_feasible: Callable[[], bool]
     ) -> None:
-        """Change the start of an episode whose props have been placed, and its appearance; see `worlds.Perturb`."""
+        """Change the start of an episode whose props have been placed and have not come to rest, and its appearance.
+
+        Args:
+            task: the task.
+            scene: its scene.
+            progress: the episode, which can be done as it is.
+            is_feasible: whether both arms can do the task in the present scene, by a rehearsal of the script.
+        """
 
         def start(axis: Axis[Any], hook: str) -> Start[Any]:
             moment = self._moment(axis, hook, scene, progress)

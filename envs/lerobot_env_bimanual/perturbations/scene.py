@@ -1,7 +1,5 @@
 """Axes that change how the scene looks, and how the task is said: `light`, ..., `instruction`, `sentences`."""
 
-from __future__ import annotations
-
 import colorsys
 import functools
 import re

@@ -1,7 +1,5 @@
 """Axes that change what cameras measure: their poses, noise and holes of their images, cameras that fail."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Episodes that are played and kept as states, and films of them, several players side by side, turned and zoomed to the play."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ starting values, iterations or random restarts. At the very edge of a branch, an
 axis, one solution in a thousand is off by up to 2 mm; see `ArmKinematics.reaches`.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from typing import Any

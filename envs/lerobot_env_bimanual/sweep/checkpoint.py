@@ -1,7 +1,5 @@
 """Checkpoints: whether one may be loaded, and the images that it reads, known before LeRobot and torch are imported."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The conditions of a task (every level of every axis that applies to it), sweeps of experts over them, and what sweeps share."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -4,8 +4,6 @@ Workers import neither LeRobot nor torch and render nothing. An outcome depends 
 workers gives the same list, and outcomes that a log already holds are not played again.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Sequence

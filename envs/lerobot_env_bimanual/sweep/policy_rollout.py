@@ -1,7 +1,5 @@
 """Rollouts of a trained policy by LeRobot's own loop, and the policy as a player of single episodes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The sweep of a policy: it, the expert and the open-loop baseline on the same episodes of every condition of a task."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date

@@ -1,7 +1,5 @@
 """Records the episodes of an environment, so that they can be played again without the policy."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -3,8 +3,6 @@
 LeRobot's evaluation keeps rewards and successes only; why an episode failed is known here.
 """
 
-from __future__ import annotations
-
 import logging
 import sys
 from collections import Counter

@@ -1,7 +1,5 @@
 """The environment as `gymnasium.make` returns it, on demand with LeRobot's keys."""
 
-from __future__ import annotations
-
 from typing import Any, Literal, get_args
 
 import gymnasium as gym

@@ -1,7 +1,5 @@
 """A wrapper that holds the last transition of a finished episode, while other environments of its batch go on."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import dataclass
 from typing import Any

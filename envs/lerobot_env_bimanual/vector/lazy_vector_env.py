@@ -4,8 +4,6 @@ LeRobot has such a vector environment, but importing it costs every worker proce
 LeRobot and torch. This module and all that a worker needs import neither.
 """
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import sys

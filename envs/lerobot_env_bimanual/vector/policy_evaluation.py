@@ -1,7 +1,5 @@
 """Scores a policy that is a Python object, and leaves the record that LeRobot's evaluation leaves."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

@@ -55,7 +55,10 @@ class EpisodeVerifier:
                 break
         if PLAYED not in info:
             return [f"not over after its {len(actions)} actions, {ticks[-1]} ticks"]
-        return [*_differences(episode, info[PLAYED], ticks)]
+        try:
+            return [*_differences(episode, info[PLAYED], ticks)]
+        except ValueError as error:
+            return [f"cannot be compared: {error}"]
 
 
 def verify_episodes(

@@ -1,7 +1,5 @@
 """Changes of a compiled model: bodies, contacts, joints and motors for one episode, and what physics has to look at."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

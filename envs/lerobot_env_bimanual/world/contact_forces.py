@@ -1,7 +1,5 @@
 """Net forces between each arm and all else that it touches, and how deep things lie in each other."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -28,17 +28,9 @@ class ServoCommands:
 
     Attributes:
         change: (16,) by how much the last action differed from the one before.
-
-    Raises:
-        ValueError: the first actuators are not those of the joint action.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
-        order = [model.actuator(name).id for arm in ARMS for name in PANDA_PAIR.actuator_names(arm)]
-        if order != list(range(JOINT_ACTION_DIM)):
-            raise ValueError(
-                f"arm actuators must come first, in the order of the joint action; got ids {order}"
-            )
         self._model, self._data = model, data
         self._qpos, self._ctrl = data.qpos, data.ctrl
         self._rows = np.empty((STEPS_PER_TICK, JOINT_ACTION_DIM))

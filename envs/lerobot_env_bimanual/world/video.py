@@ -1,7 +1,5 @@
 """Writes videos of episodes as mp4 files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

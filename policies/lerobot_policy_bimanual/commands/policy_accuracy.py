@@ -1,7 +1,5 @@
 """The command `policy accuracy`: how far a policy's keyposes are from an expert's, over a dataset."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -32,13 +30,13 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
     from lerobot_bimanual.terminal import print_table, show_next
 
     require_checkpoint(config.checkpoint)
-    folder = find_view(config.root)
+    folder = find_view(config.root, ("keyframes", "frames"))
 
     from lerobot_policy_bimanual.inspection.accuracy import measure, summary
     from lerobot_policy_bimanual.inspection.loading import load_policy, open_dataset
 
     policy, preprocess = load_policy(config.checkpoint, config.trust_checkpoint)
-    dataset = open_dataset(config.root)
+    dataset = open_dataset(folder)
     table = summary(measure(policy, preprocess, dataset))
     recorded = RecordedDataset(folder).provenance
     split = f", split {recorded.settings.get('split')}" if recorded else ""

@@ -1,7 +1,5 @@
 """The command `policy check`: what a checkpoint holds, and whether it may be loaded."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command `policy inspect`: one prediction of a trained policy beside the truth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,11 +1,9 @@
 """Words as a large language model has them: frozen vectors that the package wordllama ships, so nothing is downloaded."""
 
-import importlib.util
-from pathlib import Path
-
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
+from lerobot_bimanual.distributions import location
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.nn.language import MAX_WORDS, WORD_DIM, LearnedLanguage
 
@@ -30,7 +28,9 @@ class WordllamaLanguage(LearnedLanguage):
             from safetensors.torch import load_file
             from tokenizers import Tokenizer
 
-            folder = _package_folder()
+            folder = location("wordllama")  # not imported: that takes a second and looks for files on the Hub
+            if folder is None:
+                raise ModuleNotFoundError("No module named 'wordllama'")
             self._tokenizer = Tokenizer.from_file(str(folder / TOKENIZER_FILE))
             vectors = load_file(folder / VECTORS_FILE)["embedding.weight"]
         except Exception as error:  # tokenizers and safetensors raise many kinds
@@ -49,11 +49,3 @@ class WordllamaLanguage(LearnedLanguage):
     def _words(self, ids: Tensor) -> Tensor:
         vectors = F.embedding(ids, self._vectors).float()
         return self.project(F.layer_norm(vectors, vectors.shape[-1:]))
-
-
-def _package_folder() -> Path:
-    """The folder of wordllama, which is not imported: that takes a second and looks for files on the Hub."""
-    spec = importlib.util.find_spec("wordllama")
-    if spec is None or not spec.origin:
-        raise ModuleNotFoundError("No module named 'wordllama'")
-    return Path(spec.origin).parent
