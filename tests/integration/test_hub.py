@@ -2,10 +2,12 @@
 
 import shutil
 from pathlib import Path
+from typing import Any
+from unittest.mock import create_autospec
 
 import httpx
 import pytest
-from huggingface_hub import DatasetCard
+from huggingface_hub import DatasetCard, HfApi
 from huggingface_hub.errors import HfHubHTTPError, OfflineModeIsEnabled
 
 from lerobot_bimanual.cli import main
@@ -16,27 +18,13 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 REPO_ID = "someone/balls"
 
 
-class FakeHub:
-    """Takes the place of `HfApi`, and notes what is asked of it."""
-
-    calls: list[tuple[str, dict]]
-    failure: Exception | None = None
-
-    def __getattr__(self, name: str):
-        def call(*args, **options) -> None:
-            if self.failure is not None:
-                raise self.failure
-            self.calls.append((name, {"repo_id": args[0], **options} if args else options))
-
-        return call
-
-
 @pytest.fixture
-def calls(monkeypatch) -> list[tuple[str, dict]]:
-    monkeypatch.setattr(FakeHub, "calls", [], raising=False)
-    monkeypatch.setattr(hub, "HfApi", FakeHub)
+def api(monkeypatch) -> Any:
+    """Takes the place of `HfApi`, whose signatures it has, and notes what is called."""
+    api = create_autospec(HfApi, instance=True)
+    monkeypatch.setattr(hub, "HfApi", lambda: api)
     monkeypatch.setattr(hub, "get_token", lambda: "hf_token")
-    return FakeHub.calls
+    return api
 
 
 @pytest.fixture
@@ -48,10 +36,11 @@ def push(root: Path, repo_id: str = REPO_ID, *flags: str) -> int:
     return main(["dataset", "push", f"--root={root}", f"--repo_id={repo_id}", *flags])
 
 
-def test_the_dataset_is_uploaded_in_one_commit_and_tagged(calls, dataset) -> None:
+def test_the_dataset_is_uploaded_in_one_commit_and_tagged(api, dataset) -> None:
     assert push(dataset, REPO_ID, "--private") == 0
-    assert [name for name, _ in calls] == ["create_repo", "upload_folder", "delete_tag", "create_tag"]
-    created, uploaded, _, tagged = (options for _, options in calls)
+    names, _, options = zip(*api.method_calls, strict=True)
+    assert names == ("create_repo", "upload_folder", "delete_tag", "create_tag")
+    created, uploaded, _, tagged = options
     assert created["private"] is True
     assert (uploaded["folder_path"], uploaded["revision"]) == (dataset, None)
     # Nothing of an earlier upload stays.
@@ -63,10 +52,10 @@ def test_the_dataset_is_uploaded_in_one_commit_and_tagged(calls, dataset) -> Non
     assert f"# {REPO_ID}" in card.text
 
 
-def test_a_branch_gets_no_tag(calls, dataset) -> None:
+def test_a_branch_gets_no_tag(api, dataset) -> None:
     assert push(dataset, REPO_ID, "--branch=draft") == 0
-    assert [name for name, _ in calls] == ["create_repo", "create_branch", "upload_folder"]
-    assert calls[-1][1]["revision"] == "draft"
+    assert [name for name, *_ in api.method_calls] == ["create_repo", "create_branch", "upload_folder"]
+    assert api.upload_folder.call_args.kwargs["revision"] == "draft"
 
 
 def refused(status: int) -> HfHubHTTPError:
@@ -86,17 +75,17 @@ def refused(status: int) -> HfHubHTTPError:
     ],
 )
 def test_a_push_that_cannot_be_is_one_clear_line(
-    calls, dataset, monkeypatch, capsys, repo_id, token, failure, message
+    api, dataset, monkeypatch, capsys, repo_id, token, failure, message
 ) -> None:
     monkeypatch.setattr(hub, "get_token", lambda: token)
-    monkeypatch.setattr(FakeHub, "failure", failure)
+    api.create_repo.side_effect = failure
     assert push(dataset, repo_id) == 1
     told = capsys.readouterr().err
     assert message in told
     assert told.count("\n") == 1
 
 
-def test_only_one_whole_dataset_can_be_pushed(calls, generated, dataset, tmp_path, capsys) -> None:
+def test_only_one_whole_dataset_can_be_pushed(api, generated, dataset, tmp_path, capsys) -> None:
     edited, damaged = (Path(shutil.copytree(dataset, tmp_path / name)) for name in ("edited", "damaged"))
     (edited / PROVENANCE_FILE).unlink()
     (damaged / "data/chunk-000/file-000.parquet").write_bytes(b"PAR1")
@@ -108,4 +97,4 @@ def test_only_one_whole_dataset_can_be_pushed(calls, generated, dataset, tmp_pat
     ):
         assert push(root) == 1
         assert message in capsys.readouterr().err
-    assert not calls
+    assert not api.method_calls
