@@ -64,9 +64,8 @@ class EpisodeMonitor:
         self.note_step = self._load.observe_step
         scene = env.scene
         part, root = scene.model.body_weldid, scene.model.body_rootid
-        movable = np.where(
-            part[root] != 0, root, part
-        )  # free bodies as a whole, and each moving part of furniture
+        # Free bodies as a whole, and each moving part of furniture.
+        movable = np.where(part[root] != 0, root, part)
         self._body_of_geom = np.where(scene.arm_of_body < 0, movable, 0)[scene.model.geom_bodyid]
         self._gripped: Counter[tuple[Arm, str]] = Counter()
         self._touched: set[str] = set()
