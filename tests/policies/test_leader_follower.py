@@ -71,24 +71,6 @@ def test_training_tells_the_moved_label(make_leader_follower, leader, make_batch
     assert seen["follower"][:, 4:].abs().max() <= 1
 
 
-def test_in_training_half_of_the_told_places_are_shifted_and_none_when_acting(
-    make_leader_follower, make_batch
-):
-    policy = make_leader_follower(augmentation=False, leader_noise_m=0.05)
-    seen, batch = spy(policy), make_batch(samples=64)
-    observation, target = policy.observe(batch), policy.target_bins(batch[ACTION])
-    told = numbers(policy, target, Arm.RIGHT)
-    policy.train().predict(observation, target)
-    error = seen["follower"][:, 4:] - told
-    error_m = error[:, :3] / 2 * torch.tensor(policy.config.workspace.size)
-    is_shifted = error_m.abs().amax(1) > 1e-4
-    assert 0.3 < is_shifted.float().mean() < 0.7
-    assert 0.03 < error_m[is_shifted].std() < 0.07
-    assert error[:, 3:].abs().max() < 1e-5
-    policy.eval().predict(observation, target)
-    torch.testing.assert_close(seen["follower"][:, 4:], told)
-
-
 def test_when_acting_the_follower_is_told_the_prediction_of_the_leader(policy, leader, make_batch):
     seen, batch = spy(policy), make_batch(samples=4)
     best = policy.predict(policy.observe(batch), None).best()

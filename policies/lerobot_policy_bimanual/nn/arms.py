@@ -51,8 +51,6 @@ class LeaderFollower(nn.Module):
         codec: the discretisation of keyposes.
         mark: adds a channel to a scene that marks places (b, 3) in voxels, see `near`; None for the paper's follower, which has the
             numbers only. `make_network` then also gets `goal_channels=1`.
-        noise_m: standard deviation of the random shifts, along each axis, of half of the places that the follower is told in
-            training. A prediction may be far off, and a follower that has seen true places alone goes wrong with it.
     """
 
     def __init__(
@@ -63,13 +61,11 @@ class LeaderFollower(nn.Module):
         leader: Arm,
         codec: TorchKeyposeCodec,
         mark: Callable[[Any, Tensor], Any] | None = None,
-        noise_m: float = 0.0,
     ):
         super().__init__()
         self.leading_arm = leader
         self.codec = codec
         self.mark = mark
-        self.noise_m = noise_m
         self.leader = make_network(proprio_dim=proprio_dim)
         goal = {} if mark is None else {"goal_channels": 1}
         self.follower = make_network(proprio_dim=proprio_dim + KEYPOSE_NUMBERS, **goal)
@@ -93,19 +89,11 @@ class LeaderFollower(nn.Module):
         targets = {arm: None if target is None else one_arm(target, arm) for arm in ARMS}
         leader = self.leader(scene, bodies[leading], language, targets[leading])
         goal = targets[leading] or leader.best()
-        if self.training and self.noise_m:
-            goal = replace(goal, place=self._mistaken(goal.place))
         told = torch.cat([bodies[following], self._numbers(goal)], dim=-1)
         seen = scene if self.mark is None else self.mark(scene, goal.place[:, 0])
         follower = self.follower(seen, told, language, targets[following])
         predictions = {leading: leader, following: follower}
         return join_arms([predictions[arm] for arm in ARMS])
-
-    def _mistaken(self, place: Tensor) -> Tensor:
-        """Places (b, 1, 3) in voxels, half of them shifted at random."""
-        voxels = self.noise_m / place.new_tensor(self.codec.voxel_size_m)
-        is_shifted = torch.rand_like(place[..., :1]) < 0.5
-        return place + is_shifted * voxels * torch.randn_like(place)
 
     def _numbers(self, keypose: KeyposeBins) -> Tensor:
         """One arm's keypose (b, 1, ...) as (b, KEYPOSE_NUMBERS) float32 from -1 to 1.

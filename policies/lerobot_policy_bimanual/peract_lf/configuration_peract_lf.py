@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from lerobot.configs import PreTrainedConfig
 
-from lerobot_policy_bimanual.keypose.fields import choice, number
+from lerobot_policy_bimanual.keypose.fields import choice
 from lerobot_policy_bimanual.peract.config import PerActConfig
 
 
@@ -16,6 +16,3 @@ class PerActLFConfig(PerActConfig):
     leader: str = choice("right", "left")  # the arm that decides first, `left` or `right` (the paper's)
     # The follower sees the leader's goal, as one more channel of its grid; in the paper it has its numbers only.
     follower_sees_goal: bool = False
-    # Standard deviation in metres, along each axis, of random shifts of half of the leader's places in training, so that the
-    # follower does not trust a wrong prediction blindly. The paper's follower is told true places alone.
-    leader_noise_m: float = number(0.0, 0, 1)

@@ -30,5 +30,4 @@ class PerActLFPolicy(PerActPolicy):
             leader=Arm(self.config.leader),
             codec=self.codec,
             mark=with_goal if self.config.follower_sees_goal else None,
-            noise_m=self.config.leader_noise_m,
         )

@@ -44,9 +44,6 @@ class RVTLFConfig(KeyposePolicyConfig):
     leader: str = choice("right", "left")  # the arm that decides first, `left` or `right` (the paper's)
     # The follower sees the leader's goal, as one more channel of its views; in the paper it has its numbers only.
     follower_sees_goal: bool = False
-    # Standard deviation in metres, along each axis, of random shifts of half of the leader's places in training, so that the
-    # follower does not trust a wrong prediction blindly. The paper's follower is told true places alone.
-    leader_noise_m: float = number(0.0, 0, 1)
 
     def __post_init__(self):
         """Refuse sizes that do not fit together, too."""

@@ -30,7 +30,6 @@ class RVTLFPolicy(KeyposePolicy):
             leader=Arm(self.config.leader),
             codec=self.codec,
             mark=Scene.with_goal if self.config.follower_sees_goal else None,
-            noise_m=self.config.leader_noise_m,
         )
 
     def scene(self, observation: Observation) -> Scene:
