@@ -33,7 +33,7 @@ def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig
     policies = config.policy.split(",")
     meant = PROTOCOLS[config.protocol].tasks if config.protocol in PROTOCOLS else ()
     tasks = [task for task in tasks if task in meant] or tasks
-    shared = config.lanes > 1 and not config.workers
+    shared = config.lanes > 1 and not config.workers and len(tasks) * len(policies) > 1
     workers = max(1, worker_count(0) // config.lanes) if shared else config.workers
     found = [
         replace(config, task=task, policy=policy, lanes=1, workers=workers, dry_run=False)

@@ -49,9 +49,11 @@ def count_variations(tasks: str) -> dict[str, int]:
 def check_task(settings: BenchmarkSettings) -> None:
     """Refuse tasks and variations that the environment does not know, before anything runs that takes minutes."""
     count = count_variations(settings.task)[settings.task]
-    if settings.variation != "any" and int(settings.variation) >= count:
-        valid = f"'any' or an integer from 0 to {count - 1}"
-        raise InvalidChoice(f"variation of {settings.task}", settings.variation, valid)
+    valid = f"'any', or from 0 to {count - 1}"
+    for name in ("variation", "demos_variation"):
+        for index in getattr(settings, name).split(","):
+            if index not in ("", "any", *map(str, range(count))):
+                raise InvalidChoice(f"{name} of {settings.task}", index, valid)
     if settings.trained_on and settings.task not in (learned := count_variations(settings.trained_on)):
         raise BimanualError(
             f"trained_on is {settings.trained_on!r}, which does not contain {settings.task!r}; score one of: "

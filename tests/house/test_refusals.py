@@ -50,6 +50,7 @@ REFUSED = {
     "policy benchmark": {
         "task=lift_bal": "Did you mean 'lift_ball'?",
         "variation=7": "variation of lift_ball is '7'",
+        "demos_variation=0,7": "demos_variation of lift_ball is '7', but must be 'any', or from 0 to 0",
         "trained_on=push_box,lift_tray": "not contain 'lift_ball'; score one of: push_box, lift_tray",
         "task=../../lift_ball": "task is '../../lift_ball', but must be one of: dual_push_buttons",
         "variation=../1": "variation is '../1', but must be an index of up to four digits, or any",

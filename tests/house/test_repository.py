@@ -10,7 +10,6 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-import lerobot_bimanual
 import lerobot_env_bimanual
 from lerobot_env_bimanual.experts.world_version import CERTIFIED_MUJOCO
 
@@ -112,8 +111,8 @@ def test_the_page_of_compatibility_states_the_declared_ranges() -> None:
     assert {name: {range_} for name, range_ in stated.items()} == declared
 
 
-@pytest.mark.parametrize("package", [lerobot_bimanual, lerobot_env_bimanual])
-def test_every_public_name_is_there_and_none_besides(package) -> None:
+def test_every_public_name_of_the_environment_is_there_and_none_besides() -> None:
+    package = lerobot_env_bimanual
     assert dir(package) == sorted(package.__all__)
     assert all(hasattr(package, name) for name in package.__all__)
     assert not hasattr(package, "Keypoze")

@@ -122,7 +122,7 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
                 reports = build_dataset(staging, record)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
-                f"finished shards stay in {staging.folder}; the same command goes on"
+                f"{staging.count_finished()} shards are finished; the same command goes on from there"
             ) from None
     skipped = [seed for report in reports for seed in report.skipped]
     minutes = (time.monotonic() - start_s) / 60

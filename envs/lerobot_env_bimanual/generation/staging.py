@@ -96,6 +96,10 @@ class Staging:
         """Where a shard is stored as soon as it is finished."""
         return self.folder / SHARDS / shard.name
 
+    def count_finished(self) -> int:
+        """Number of finished shards."""
+        return sum(1 for _ in (self.folder / SHARDS).iterdir())
+
     def publish(self, folder: Path) -> None:
         """Move a finished dataset to its final place, and remove its shards."""
         with plain_write_errors(self.root):
