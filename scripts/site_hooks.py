@@ -88,7 +88,7 @@ def _task(name: str) -> str:
         text=sys.modules[type(task).__module__].__doc__,
         instructions=", ".join(f"`{words}`" for words in task.spec.instructions),
         variations=len(task.spec.variations),
-        suites=", ".join(task.spec.taxonomy.suites),
+        suites=", ".join(task.spec.suites),
     )
     film = _film_names()[name]
     return page + FILM.format(name=film) if (FILMS / f"{film}.mp4").is_file() else page

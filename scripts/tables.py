@@ -80,7 +80,7 @@ def _tasks() -> str:
         "task": [f"`{spec.name}`" for spec in specs],
         "instruction": [f"`{spec.instructions[0]}`" for spec in specs],
         "variations": [str(len(spec.variations)) for spec in specs],
-        "suites": [", ".join(spec.taxonomy.suites) for spec in specs],
+        "suites": [", ".join(spec.suites) for spec in specs],
     }
     return markdown_table(pd.DataFrame(rows), True)
 

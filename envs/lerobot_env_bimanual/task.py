@@ -7,7 +7,6 @@ import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from functools import partial
 from typing import ClassVar
 
@@ -26,44 +25,6 @@ OWN_IDS = 1000
 """Lowest number of a task without one of its own."""
 
 type Script = Callable[[SceneView], Iterator[Stage]]
-
-
-class Prehension(StrEnum):
-    """Whether the task is done by grasping, without grasping, or by both in turn."""
-
-    PREHENSILE = "prehensile"
-    NON_PREHENSILE = "non_prehensile"
-    MIXED = "mixed"
-
-
-@dataclass(frozen=True)
-class Taxonomy:
-    """A task's row of the PerAct2 paper's table of bimanual coordination."""
-
-    temporal: bool
-    spatial: bool
-    physical: bool
-    symmetric: bool
-    synchronous: bool
-    prehension: Prehension
-
-    @classmethod
-    def of(cls, words: str) -> Taxonomy:
-        """The row with these words, such as "temporal spatial symmetric prehensile"; the last says the prehension."""
-        *properties, prehension = words.split()
-        names = ("temporal", "spatial", "physical", "symmetric", "synchronous")
-        return cls(**{name: name in properties for name in names}, prehension=Prehension(prehension))
-
-    @property
-    def suites(self) -> tuple[str, ...]:
-        """Names of the suites that a task with this row belongs to, apart from `all`."""
-        couplings = tuple(name for name in ("temporal", "spatial", "physical") if getattr(self, name))
-        return (
-            *couplings,
-            "symmetric" if self.symmetric else "asymmetric",
-            "synchronous" if self.synchronous else "asynchronous",
-            str(self.prehension),
-        )
 
 
 @dataclass(frozen=True)
@@ -88,7 +49,7 @@ class TaskSpec:
         id: position in the PerAct2 paper's list of tasks, part of every episode's seed, never reused. Other tasks leave it out,
             and have a number that comes from their name.
         instructions: sentence templates over `Variation.words`; the first one is canonical.
-        taxonomy: how the two arms depend on each other.
+        suites: those it belongs to, apart from `all`: its row of the paper's table of coordination, in words.
         props: the things of the scene besides robots and table, in the setting `standard`.
         success: conditions that all have to hold; see `Task.conditions` for those of one variation.
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
@@ -105,7 +66,7 @@ class TaskSpec:
     name: str
     id: int = field(default=-1, kw_only=True)
     instructions: tuple[str, ...]
-    taxonomy: Taxonomy
+    suites: tuple[str, ...]
     props: tuple[Prop, ...]
     success: tuple[Condition, ...]
     horizon_ticks: int

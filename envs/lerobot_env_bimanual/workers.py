@@ -5,21 +5,16 @@ Ctrl-C to its parent, and ends when its parent does. Where a worker dies, all it
 one by one, so that the one that kills its worker is known and named.
 """
 
-import atexit
 import multiprocessing
 import os
-import re
-import select
 import signal
-import socket
-import sys
 import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, suppress
+from contextlib import closing
 from multiprocessing import connection, forkserver
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -199,39 +194,6 @@ def end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=await_end, daemon=True).start()
-
-
-def _prepare_fork_server() -> None:
-    """In the process that workers are forked from: have it end with its parent, also amid its imports, which may take long.
-
-    It takes along the socket of `multiprocessing`, which a killed parent cannot remove.
-    """
-    command = "".join(sys.orig_argv[-1:])
-    found = re.match(r"from multiprocessing\.forkserver import main; main\((\d+), (\d+)", command)
-    if found is None or forkserver.get_inherited_fds() is not None:  # in another process, or a worker
-        return
-    listener, alive = map(int, found.groups())
-    with socket.socket(fileno=os.dup(listener)) as copy:
-        address = Path(str(copy.getsockname()))
-    parent = os.getppid()
-
-    def remove_socket() -> None:
-        with suppress(OSError):
-            address.unlink()
-            address.parent.rmdir()
-
-    def end_if_alone(*_: object) -> None:
-        if os.getppid() != parent or select.select([alive], [], [], 0)[0]:
-            remove_socket()
-            os._exit(0)
-
-    atexit.register(remove_socket)
-    signal.signal(signal.SIGUSR2, end_if_alone)
-    end_when_parent_ends(signal.SIGUSR2, parent)
-    end_if_alone()  # from the beginning
-
-
-_prepare_fork_server()
 
 
 def end_of(process: BaseProcess) -> str:

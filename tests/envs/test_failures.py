@@ -48,7 +48,7 @@ def observed(task: str, keyposes: Keyposes) -> EpisodeEvents:
 
 def attributed(task: str, *episodes: Episode, **options: str) -> list[Attribution]:
     attributor = FailureAttributor(task, OPTIONS | options)
-    return [attributor.attribute(episode) for episode in episodes]
+    return [attributor(episode) for episode in episodes]
 
 
 def one_hand_after_the_other(keyposes: Keyposes) -> Keyposes:

@@ -183,7 +183,7 @@ def test_an_experts_episode_of_every_task_replays_as_recorded(task):
     assert episode.success
     assert episode.first_met_tick is not None
     verifier = EpisodeVerifier(task, {"split": "test"})
-    assert verifier.differences(episode) == verifier.differences(episode) == []
+    assert verifier(episode) == verifier(episode) == []
     verifier.env.close()
 
 
@@ -218,7 +218,7 @@ CHANGES = {
 
 @pytest.mark.parametrize(("change", "message"), CHANGES.values(), ids=CHANGES.keys())
 def test_every_change_of_an_episode_is_found(change, message, episode, verifier):
-    assert re.search(message, "; ".join(verifier.differences(change(episode))))
+    assert re.search(message, "; ".join(verifier(change(episode))))
 
 
 @pytest.mark.parametrize("answer", [np.full(16, np.nan), InvalidAction("an action must be a vector")])
@@ -230,7 +230,7 @@ def test_an_episode_that_ended_by_a_refused_action_replays_as_recorded(answer, v
     episode = recorder.step(answer)[4][PLAYED]
     assert episode.failure.startswith("invalid action: ")
     assert len(episode.proof.action_list()) == 3
-    assert verifier.differences(episode) == []
+    assert verifier(episode) == []
     recorder.close()
 
 

@@ -17,7 +17,6 @@ from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.perturbations.axis import Axis, data
 from lerobot_env_bimanual.perturbations.axis import register as register_axis
 from lerobot_env_bimanual.registry import AXES
-from lerobot_env_bimanual.task import Prehension
 from lerobot_env_bimanual.tasks.registry import (
     TASKS,
     get_task,
@@ -25,6 +24,12 @@ from lerobot_env_bimanual.tasks.registry import (
     list_tasks,
     register,
     resolve_tasks,
+)
+
+ALTERNATIVES = (
+    ("symmetric", "asymmetric"),
+    ("synchronous", "asynchronous"),
+    ("prehensile", "non_prehensile", "mixed"),
 )
 
 
@@ -40,7 +45,7 @@ def test_a_second_task_with_the_same_name_or_id_is_refused(changes, message):
     assert get_task("push_box").__class__ is original
 
 
-def test_names_are_resolved_in_order_and_unknown_ones_answered_and_suites_follow_the_taxonomy():
+def test_names_are_resolved_in_order_and_unknown_ones_answered_and_suites_are_of_one_kind_each():
     for ask in (get_task, resolve_tasks):
         message = r"'push_boxes', .*handover_item_easy, lift_ball.*push_box.* Did you mean 'push_box'\?"
         with pytest.raises(InvalidChoice, match=message):
@@ -50,13 +55,10 @@ def test_names_are_resolved_in_order_and_unknown_ones_answered_and_suites_follow
     assert sorted(resolve_tasks("all")) == list(list_tasks())
     suites = list_suites()
     for name in list_tasks():
-        taxonomy = get_task(name).spec.taxonomy
-        assert name in suites["all"]
-        for suite in ("symmetric", "synchronous"):
-            assert (name in suites[suite]) == (name not in suites[f"a{suite}"]) == getattr(taxonomy, suite)
-        for coupling in ("temporal", "spatial", "physical"):
-            assert (name in suites.get(coupling, ())) == getattr(taxonomy, coupling)
-        assert [kind for kind in Prehension if name in suites.get(kind, ())] == [taxonomy.prehension]
+        found = {suite for suite, tasks in suites.items() if name in tasks}
+        assert {*get_task(name).spec.suites} == found - {"all", "two_armed"} != found
+        for alternatives in ALTERNATIVES:
+            assert len(found & {*alternatives}) == 1, name
 
 
 def test_the_verb_lists_every_task_for_programs(capsys):
@@ -65,7 +67,7 @@ def test_the_verb_lists_every_task_for_programs(capsys):
     assert sorted(rows) == list(list_tasks())
     assert rows["lift_ball"]["instructions"] == [["lift the ball"]]
     assert rows["lift_ball"]["success"][0][0] == "above(ball, 0.95)"
-    assert rows["push_box"]["taxonomy"]["prehension"] == "non_prehensile"
+    assert rows["push_box"]["suites"][-1] == "non_prehensile"
 
 
 ALL_TASKS = "from lerobot_bimanual.cli import main; raise SystemExit(main(['task', 'list']))"

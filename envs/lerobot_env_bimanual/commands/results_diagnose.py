@@ -57,10 +57,11 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     import pandas as pd
 
     from lerobot_bimanual.results.record import result_paths
-    from lerobot_env_bimanual.failures.agreement import first_choices
-    from lerobot_env_bimanual.failures.attribution import attribute_failures
+    from lerobot_env_bimanual.failures.agreement import FirstChoices
+    from lerobot_env_bimanual.failures.attribution import FailureAttributor
     from lerobot_env_bimanual.failures.behaviour import behaviour
     from lerobot_env_bimanual.tasks.registry import get_task
+    from lerobot_env_bimanual.verification.episodes import found_in
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
 
     check_range("sample", config.sample, 0)
@@ -85,7 +86,8 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             episodes = result.record.episodes
             failed = [episode for episode in episodes if not episode.success]
             chosen = sampled(failed, config.sample, config.sample_seed)
-            found = attribute_failures(result.record, chosen, pool)
+            named = {"name": lambda each, task=result.record.task: f"{task}, seed {each.seed}"}
+            found = found_in(FailureAttributor, result.record, chosen, pool, "failure attribution", **named)
             groups.setdefault(result.name, []).extend(found)
             played.setdefault(result.name, []).extend(episodes)
             expert_ticks.setdefault(result.name, {}).update(result.expert_ticks)
@@ -94,7 +96,8 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             task = result.record.task
             failures.setdefault(task, []).extend(source | asdict(one) for one in found)
             if len(get_task(task).spec.plans) > 1:
-                choices += [source | one for one in first_choices(result.record, pool)]
+                firsts = found_in(FirstChoices, result.record, episodes, pool, "first choices", **named)
+                choices += [source | one for one in firsts if one is not None]
             say(f"{result.path}: {len(episodes)} episodes of {task}, {len(failed)} failed")
             _print_episodes(found)
     print_table(_counts(groups, "failure_class").reset_index(), "Failures by class:")

@@ -36,7 +36,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
     """
     from lerobot_bimanual.distributions import other_c_library
     from lerobot_bimanual.results.record import result_paths
-    from lerobot_env_bimanual.verification.episodes import verify_episodes
+    from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, found_in
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
 
     check_range("sample", config.sample, 0)
@@ -50,8 +50,16 @@ def results_verify(config: ResultsVerifyConfig) -> int:
             result = ResultFile.read(path)
             episodes = sampled(result.record.episodes, config.sample, seed)
             problems = [result.world_problem] if result.world_problem else []
-            found = zip(episodes, verify_episodes(result.record, episodes, pool), strict=True)
-            problems += [f"seed {episode.seed}: {text}" for episode, texts in found for text in texts]
+            found = found_in(
+                EpisodeVerifier,
+                result.record,
+                episodes,
+                pool,
+                "replay",
+                failed=lambda _, why: [f"not replayed: {why}"],
+            )
+            of_episodes = zip(episodes, found, strict=True)
+            problems += [f"seed {episode.seed}: {text}" for episode, texts in of_episodes for text in texts]
             verdict = "NOT as claimed" if problems else "as claimed"
             if problems and (other := other_c_library(result.record.versions)):
                 verdict = f"inconclusive, {other}"

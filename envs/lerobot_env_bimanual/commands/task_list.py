@@ -2,7 +2,7 @@
 
 import json
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from lerobot_bimanual.terminal import print_table, show_next
@@ -55,8 +55,7 @@ def _row(name: str) -> dict[str, Any]:
         "id": spec.id,
         "variations": [dict(variation.words) for variation in spec.variations],
         "instructions": [list(spec.instructions_for(variation)) for variation in spec.variations],
-        "taxonomy": asdict(spec.taxonomy),
-        "suites": list(spec.taxonomy.suites),
+        "suites": list(spec.suites),
         "success": [
             [condition.name for condition in task.conditions(variation)] for variation in spec.variations
         ],

@@ -45,6 +45,7 @@ class EpisodeProgress:
         felt_n: (2, 3) filtered net force on each arm, world frame; as `pressed_steps` (2,), the steps of physics for which it
             has been too large, only known with the option `protective_stop`.
         line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
+        disturbances: how often an axis of perturbation has moved things.
         failure: what ended the episode, empty while nothing has.
         memory: what axes of perturbation remember of the episode, by their name; see `perturbations.axis.Moment`.
     """
@@ -69,6 +70,7 @@ class EpisodeProgress:
     felt_n: NDArray[np.float64] = field(default_factory=partial(np.zeros, (len(ARMS), 3)))
     pressed_steps: NDArray[np.int64] = field(default_factory=partial(np.zeros, len(ARMS), np.int64))
     line_fallbacks: int = 0
+    disturbances: int = 0
     failure: str = ""
     memory: dict[str, object] = field(default_factory=dict)
 

@@ -4,8 +4,7 @@ Scripts read the scene while they run, so a rehearsal hands them a `RehearsalVie
 arms are moved by kinematics and grasped props move rigidly with the hand.
 """
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from itertools import chain, islice
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,6 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 Array = NDArray[np.floating]
 Script = Callable[[SceneView], Iterable[Stage]]
 Postures = dict[Arm, Array]
-type Steps = Generator[list[LineRequest], list[Array | None], str | None]
 
 MIN_MARGIN = 0.04
 """Least distance of a joint to its limits at the end of a stage, as a fraction of its range."""
@@ -45,16 +43,18 @@ class Rehearsal:
     """
 
     def __init__(self, scene: SceneView, codecs: Sequence[KeyposeCodec | None] = (None,)):
-        self.scene = scene
-        self._runs = [_ScriptRun(scene, codec) for codec in codecs]
+        self._scene, self._codecs = scene, codecs
+        self._view = RehearsalView(scene)
+        self._kinematics = scene.arm_pair.kinematics
+        self._checker = CollisionChecker(self._view)
+        self._joints: Postures = {}
 
     def infeasibility(self, script: Script) -> str | None:
         """What keeps both arms from going through a script from the scene's present state.
 
         Checked at first: no prop in an arm or right beside it. Checked at every stage: targets inside the workspace,
         a collision-free goal for planned stages and feasible straight lines for the others, joint margins, no arm in
-        itself, the table or the other arm. All codecs are gone through in step, as all their lines can be computed
-        together.
+        itself, the table or the other arm.
 
         Args:
             script: yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
@@ -63,36 +63,10 @@ class Rehearsal:
         Returns:
             None if the script is feasible, else a short reason.
         """
-        runs = [run.through(script) for run in self._runs]
-        answers: Sequence[list[Array | None] | None] = [None] * len(runs)
-        while runs:
-            going, requests = [], []
-            for run, lines in zip(runs, answers, strict=True):
-                try:
-                    requests.append(next(run) if lines is None else run.send(lines))
-                    going.append(run)
-                except StopIteration as end:
-                    if end.value is not None:
-                        return end.value
-            found = iter(straight_lines(list(chain.from_iterable(requests))))
-            runs, answers = going, [list(islice(found, len(asked))) for asked in requests]
-        return None
+        return next(filter(None, (self._go_through(script, codec) for codec in self._codecs)), None)
 
-
-class _ScriptRun:
-    """One going through of a script, with the keyposes of one codec."""
-
-    def __init__(self, scene: SceneView, codec: KeyposeCodec | None):
-        self._scene = scene
-        self._codec = codec
-        self._min_margin = MIN_MARGIN if codec is None else MIN_MARGIN_ROUNDED
-        self._view = RehearsalView(scene)
-        self._kinematics = scene.arm_pair.kinematics
-        self._checker = CollisionChecker(self._view)
-        self._joints: Postures = {}
-
-    def through(self, script: Script) -> Steps:
-        """Goes from stage to stage; at each it yields requests for lines, is sent them, and returns what is infeasible."""
+    def _go_through(self, script: Script, codec: KeyposeCodec | None) -> str | None:
+        """Go from stage to stage; what is infeasible, or None."""
         self._view.copy_from(self._scene)
         commanded = by_arm(self._view.commanded)
         self._joints = {arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS}
@@ -103,10 +77,8 @@ class _ScriptRun:
             keypose = stage.keypose(keypose)
             if not all(VOXEL_WORKSPACE.contains(keypose[arm].pose.position) for arm in ARMS):
                 return f"{stage.name}: target outside the workspace"
-            reason = yield from self._execute(
-                stage, keypose if self._codec is None else self._codec.discretise(keypose)
-            )
-            if reason is not None:
+            target = keypose if codec is None else codec.discretise(keypose)
+            if reason := self._execute(stage, target, MIN_MARGIN if codec is None else MIN_MARGIN_ROUNDED):
                 return f"{stage.name}: {reason}"
         return None
 
@@ -119,7 +91,7 @@ class _ScriptRun:
         ]
         return BimanualKeypose(*targets)
 
-    def _execute(self, stage: Stage, keypose: BimanualKeypose) -> Steps:
+    def _execute(self, stage: Stage, keypose: BimanualKeypose, min_margin: float) -> str | None:
         """Go to a keypose, or return why not."""
         targets = {arm: keypose[arm].pose.matrix for arm in ARMS}
         moving = {
@@ -127,13 +99,13 @@ class _ScriptRun:
             for arm, target in targets.items()
             if not stays(self._kinematics[arm], self._joints[arm], target)
         }
-        goals = self._free_goals(moving) if stage.planned else (yield from self._line_ends(moving))
+        goals = self._free_goals(moving) if stage.planned else self._line_ends(moving)
         if isinstance(goals, str):
             return goals
         for arm, joints in goals.items():
             # The planner starts its next motion from the float32 action that ended this one.
             self._joints[arm] = joints.astype(np.float32).astype(np.float64)
-            if self._kinematics[arm].margins(joints).min() < self._min_margin:
+            if self._kinematics[arm].margins(joints).min() < min_margin:
                 return f"{arm} arm close to a joint limit"
         self._view.move_arms(goals)
         if stage.turns is not None:
@@ -164,14 +136,12 @@ class _ScriptRun:
                 return goals
         return "no collision-free posture"
 
-    def _line_ends(
-        self, targets: Mapping[Arm, Array]
-    ) -> Generator[list[LineRequest], list[Array | None], Postures | str]:
-        lines = yield [
+    def _line_ends(self, targets: Mapping[Arm, Array]) -> Postures | str:
+        lines = [
             LineRequest(self._kinematics[arm], self._joints[arm], target) for arm, target in targets.items()
         ]
         paths: Postures = {}
-        for arm, line in zip(targets, lines, strict=True):
+        for arm, line in zip(targets, straight_lines(lines), strict=True):
             if line is None:
                 return f"{arm} arm cannot follow its line"
             paths[arm] = line

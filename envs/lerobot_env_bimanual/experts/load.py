@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset.schema import state_hash_column
 from lerobot_bimanual.joint_action import ARM_ACTION_DIM, discover_keyframes
 from lerobot_bimanual.results.episode import LoadMetrics
@@ -29,7 +29,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
-from lerobot_env_bimanual.world.contact_forces import AT_REST_N, ContactForces, felt
+from lerobot_env_bimanual.world.contact_forces import ContactForces, felt
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.worlds import MAX_FORCE_N
@@ -41,8 +41,6 @@ SATURATED = 0.999
 """Share of its limit from which on a motor gives all it has."""
 FINGER_STEPS = 5
 """Over which the speed of a finger is averaged."""
-MAX_STEPS = 500
-"""Steps that are kept before they are looked at: a second of the robots' time."""
 KEYFRAME_TOLERANCE_FRAMES = 2
 
 BOUNDS = {
@@ -91,74 +89,46 @@ class LoadMeter:
 
     def __init__(self, scene: Scene):
         model, pair = scene.model, scene.arm_pair
-        self._scene, self._forces, self._felt_n = scene, ContactForces(scene), AT_REST_N
+        self._scene, self._forces = scene, ContactForces(scene)
         self._joint_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.joint_names(arm)]
         self._finger_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.finger_names(arm)]
-        # What is noted twenty-five times a tick is only copied, and looked at now and then.
-        self._torques, self._speeds = scene.data.qfrc_actuator, scene.data.qvel
-        self._torques_then: list[NDArray[np.float64]] = []
-        self._speeds_then: list[NDArray[np.float64]] = []
+        self._torques, self._speeds = list[NDArray[np.float64]](), list[NDArray[np.float64]]()
         self._actions: list[NDArray[np.float32]] = []
-        self._steps = self._saturated_steps = 0
-        self._penetrating = ""
-        self._peaks = dict.fromkeys(("torque", "contact_force_n", "finger_speed_m_s", "penetration_mm"), 0.0)
 
     def observe_tick(self, joint_action: NDArray[np.float32]) -> None:
         """Take the joint action (16,) of a tick into account, before it is executed."""
         if not self._actions:
             self._actions += 3 * [self._scene.commanded]  # it stood there
         self._actions.append(joint_action.copy())
-        if len(self._torques_then) >= MAX_STEPS:
-            self._look_at_steps()
 
     def observe_step(self) -> None:
         """Take a step of physics into account, right after it, while its forces are known."""
         self._forces.note()
-        self._torques_then.append(self._torques[self._joint_dofs])
-        self._speeds_then.append(self._speeds[self._finger_dofs])
+        self._torques.append(self._scene.data.qfrc_actuator[self._joint_dofs])
+        self._speeds.append(self._scene.data.qvel[self._finger_dofs])
 
     def result(self) -> LoadMetrics:
-        """The peaks so far."""
-        self._look_at_steps()
-        pair = self._scene.arm_pair
+        """The peaks, at the end of the episode."""
+        pair, (forces_n, depth_m, bodies) = self._scene.arm_pair, self._forces.take()
+        torques = np.reshape(self._torques, (-1, len(ARMS), JOINTS_PER_ARM)) / pair.torque_limit_nm
+        sums = np.cumsum(np.reshape(self._speeds, (-1, len(self._finger_dofs))), axis=0)
         actions = np.array(self._actions, dtype=np.float64).reshape(-1, len(ARMS), ARM_ACTION_DIM)
-        joints = actions[..., :-1]
-        velocity = np.diff(joints, axis=0) / TICK_S
+        velocity = np.diff(actions[..., :-1], axis=0) / TICK_S
         acceleration = np.diff(velocity, axis=0) / TICK_S
         jerk = np.diff(acceleration, axis=0) / PHYSICS_STEP_S
-        found = self._peaks | {
-            "saturated": self._saturated_steps / max(self._steps, 1),
+        found = {
+            "torque": _peak(torques),
+            "saturated": float((np.abs(torques) > SATURATED).any(axis=(1, 2)).sum() / max(len(torques), 1)),
             "velocity": _peak(velocity / pair.velocity_limit_rad_s),
             "acceleration": _peak(acceleration / pair.acceleration_limit_rad_s2),
             "jerk": _peak(jerk / pair.jerk_limit_rad_s3),
-        }
-        # Records hold as many digits as mean something.
-        rounded = {name: float(f"{peak:.6g}") for name, peak in found.items()}
-        return LoadMetrics(**rounded, penetrating=self._penetrating)
-
-    def _look_at_steps(self) -> None:
-        """Take the peaks of what was noted, and forget it."""
-        if not self._torques_then:
-            return
-        limits_nm = np.tile(self._scene.arm_pair.torque_limit_nm, len(ARMS))
-        torques = np.abs(self._torques_then) / limits_nm
-        sums = np.cumsum(self._speeds_then, axis=0)
-        forces_n, depth_m, bodies = self._forces.take()
-        felt_n = felt(forces_n, self._felt_n)
-        found = {
-            "torque": _peak(torques),
-            "contact_force_n": _peak(np.linalg.norm(felt_n, axis=-1)),
+            "contact_force_n": _peak(np.linalg.norm(felt(forces_n), axis=-1)),
             "finger_speed_m_s": _peak((sums[FINGER_STEPS:] - sums[:-FINGER_STEPS]) / FINGER_STEPS),
             "penetration_mm": 1000 * depth_m,
         }
-        if found["penetration_mm"] > self._peaks["penetration_mm"]:
-            self._penetrating = bodies
-        self._peaks = {name: max(peak, found[name]) for name, peak in self._peaks.items()}
-        self._steps += len(torques)
-        self._saturated_steps += int((torques > SATURATED).any(axis=1).sum())
-        self._felt_n = felt_n[-1]
-        self._torques_then.clear()
-        self._speeds_then = self._speeds_then[-FINGER_STEPS:]
+        # Records hold as many digits as mean something.
+        rounded = {name: float(f"{peak:.6g}") for name, peak in found.items()}
+        return LoadMetrics(**rounded, penetrating=bodies)
 
 
 def _peak(values: NDArray[np.float64]) -> float:

@@ -18,17 +18,12 @@ from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport, PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.stage import stages_and_targets
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 MAX_TIP_ERROR_MM = 12.0
 """At the end of a keypose; more is a hidden collision: in free space it is below 3 mm (docs/tasks.md)."""
-
-JUMP_M = 0.005
-"""In one control tick, from rest to rest. No hand that starts to push gets a thing that far, and leaves it at rest."""
-REST_M_S = 0.01
 
 OUT_OF_MOVES = "no move left"
 OUT_OF_TIME = "out of time"
@@ -81,41 +76,18 @@ def expert_of(env: BimanualEnv, codec: KeyposeCodec | None = None) -> Player:
 
 
 def replanning(codec: KeyposeCodec | None = None) -> Player:
-    """As `expert`, started again from the present scene each time that something other than a hand has moved a thing."""
+    """As `expert`, started again from the present scene each time that an axis of perturbation has moved things."""
     script = expert(codec)
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        (positions_m, speeds_m_s), has_jumped = _free_things(env.scene), False
-
-        def watch(env: BimanualEnv, _: NDArray[np.float32] | None = None) -> None:
-            """Note whether something lay still a tick ago, and lies still elsewhere."""
-            nonlocal positions_m, speeds_m_s, has_jumped
-            before_m, before_m_s = positions_m, speeds_m_s
-            positions_m, speeds_m_s = _free_things(env.scene)
-            is_still = np.maximum(speeds_m_s, before_m_s) < REST_M_S
-            has_jumped |= bool(np.any(is_still & (np.linalg.norm(positions_m - before_m, axis=1) > JUMP_M)))
-
-        with env.observed_by(watch):
-            while True:
-                has_jumped = False
-                for move in script(env):
-                    yield move
-                    watch(env)
-                    if has_jumped:
-                        break
-                else:
-                    return
+        seen = -1
+        while seen != (seen := env.progress.disturbances):
+            for move in script(env):
+                yield move
+                if env.progress.disturbances != seen:
+                    break
 
     return play
-
-
-def _free_things(scene: SceneView) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where all bodies with a free joint are, (n, 3) m, and how fast (n,) m/s."""
-    model, data = scene.model, scene.data
-    is_free = model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
-    xyz = np.arange(3)
-    velocities = data.qvel[model.jnt_dofadr[is_free, None] + xyz]
-    return data.qpos[model.jnt_qposadr[is_free, None] + xyz], np.linalg.norm(velocities, axis=1)
 
 
 def run_episode(

@@ -4,8 +4,7 @@ The first choice of an arm is its keypose at the index from which on the plans s
 place is nearest. Scenes that do not allow all plans leave nothing to choose.
 """
 
-import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,28 +13,31 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
-from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.plans import infeasible_plan, keyposes_by
-from lerobot_env_bimanual.verification.episodes import Options, recorded_actions, replay_env
-from lerobot_env_bimanual.workers import WorkerPool
+from lerobot_env_bimanual.verification.episodes import recorded_actions, replay_env
 
 MIN_APART_M = 0.03
 """Nearer places of two plans are one place."""
 
 
-def first_choices(record: EvaluationRecord, pool: WorkerPool) -> list[dict[str, Any]]:
-    """The first choices in those episodes whose scenes allow all plans and in which both arms came to choose, in parallel.
+class FirstChoices:
+    """Tells the first choices in episodes of an evaluation with these options."""
 
-    Returns:
-        Per episode `seed`, `success`, and `left_plan` and `right_plan`, the numbers of the plans that the arms follow.
-    """
-    choices = functools.partial(_choices, record.task, tuple(record.options.items()))
-    label = f"{record.task}: first choices"
-    found = pool.map(
-        choices, record.episodes, label, "episode", name=lambda each: f"{label}, seed {each.seed}"
-    )
-    return [each for each in found if each is not None]
+    def __init__(self, task: str, options: Mapping[str, str | int]):
+        self._env = replay_env(task, options)
+
+    def __call__(self, episode: Episode) -> dict[str, Any] | None:
+        """`seed`, `success`, and `left_plan` and `right_plan`, the numbers of the plans that the arms follow.
+
+        None where the scene does not allow all plans, or an arm did not come to choose.
+        """
+        self._env.reset(seed=episode.seed, options={"variation": episode.variation})
+        actions = [each for each in recorded_actions(episode) if each.size == KEYPOSE_DIM]
+        left, right = plans_of_arms(self._env, [each for each in actions if np.isfinite(each).all()])
+        if left is None or right is None or infeasible_plan(self._env):
+            return None
+        return {"seed": episode.seed, "success": episode.success, "left_plan": left, "right_plan": right}
 
 
 def plans_of_arms(env: BimanualEnv, actions: Sequence[NDArray[np.float32]]) -> list[int | None]:
@@ -48,19 +50,3 @@ def plans_of_arms(env: BimanualEnv, actions: Sequence[NDArray[np.float32]]) -> l
             if followed[arm.ordinal] is None and np.ptp(places_m, axis=0).max() > MIN_APART_M:
                 followed[arm.ordinal] = int(np.linalg.norm(places_m - chosen[:3], axis=1).argmin())
     return followed
-
-
-@functools.lru_cache(maxsize=1)
-def _env(task: str, options: Options) -> BimanualEnv:
-    """The environment of this process, kept for the next episode of the same evaluation."""
-    return replay_env(task, dict(options))
-
-
-def _choices(task: str, options: Options, episode: Episode) -> dict[str, Any] | None:
-    env = _env(task, options)
-    env.reset(seed=episode.seed, options={"variation": episode.variation})
-    actions = [each for each in recorded_actions(episode) if each.size == KEYPOSE_DIM]
-    left, right = plans_of_arms(env, [each for each in actions if np.isfinite(each).all()])
-    if left is None or right is None or infeasible_plan(env):
-        return None
-    return {"seed": episode.seed, "success": episode.success, "left_plan": left, "right_plan": right}

@@ -9,8 +9,7 @@ Under perturbations that move bodies after the start, the replanning expert take
 policy that does without it may be saved one keypose later than it was lost.
 """
 
-import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -22,14 +21,12 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
-from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert_of
 from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
-from lerobot_env_bimanual.verification.episodes import Options, proof_of, recorded_actions, replay_env
-from lerobot_env_bimanual.workers import WorkerPool
+from lerobot_env_bimanual.verification.episodes import proof_of, recorded_actions, replay_env
 
 
 class Responsible(StrEnum):
@@ -81,7 +78,7 @@ class FailureAttributor:
             self._expert_env = replay_env(task, {**options, "control_mode": "auto"})
         self._expert: list[NDArray[np.float32]] = []
 
-    def attribute(self, episode: Episode) -> Attribution:
+    def __call__(self, episode: Episode) -> Attribution:
         """Why a failed episode failed.
 
         Raises:
@@ -179,31 +176,6 @@ class FailureAttributor:
             if terminated or truncated:
                 break
         return env.progress.succeeded
-
-
-def attribute_failures(
-    record: EvaluationRecord, episodes: Sequence[Episode], pool: WorkerPool
-) -> list[Attribution]:
-    """Attribute some failed episodes of an evaluation in parallel, with a progress bar.
-
-    Raises:
-        BimanualError: the replay of an episode differs from the record.
-    """
-    attribute = functools.partial(_attribute, record.task, tuple(record.options.items()))
-    label = f"{record.task}: failure attribution"
-    return [
-        *pool.map(attribute, episodes, label, "episode", name=lambda each: f"{record.task}, seed {each.seed}")
-    ]
-
-
-@functools.lru_cache(maxsize=1)
-def _attributor(task: str, options: Options) -> FailureAttributor:
-    """The attributor of this process, kept for the next episode of the same evaluation."""
-    return FailureAttributor(task, dict(options))
-
-
-def _attribute(task: str, options: Options, episode: Episode) -> Attribution:
-    return _attributor(task, options).attribute(episode)
 
 
 def _replaced(keypose: NDArray[np.float32], by: NDArray[np.float32], arm: Arm) -> NDArray[np.float32]:

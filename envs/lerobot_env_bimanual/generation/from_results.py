@@ -41,7 +41,7 @@ def record_replays(part: Part, cameras: tuple[str, ...], size: tuple[int, int], 
         for episode in episodes:
             tape = Tape(env, lambda: env.progress.keyposes)
             with env.observed_by(tape.note):
-                problems = verifier.differences(episode)
+                problems = verifier(episode)
             if not problems and not episode.ticks:
                 problems = [f"no tick was played ({episode.failure})"]
             if problems:
@@ -52,7 +52,7 @@ def record_replays(part: Part, cameras: tuple[str, ...], size: tuple[int, int], 
             played = tape.demonstration(np.array(keyposes))
             if any(each.size == JOINT_ACTION_DIM for each in actions):
                 played = _with_reached_keyposes(played)
-            reason = "" if episode.success else str(attributor.attribute(episode).failure_class)
+            reason = "" if episode.success else str(attributor(episode).failure_class)
             outcome = {
                 feature_table.SUCCESS: np.array([episode.success]),
                 feature_table.FAILURE_CLASS: reason,

@@ -19,7 +19,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -36,7 +36,7 @@ class RaiseBlock(Task):
     spec = TaskSpec(
         name="raise_block",
         instructions=("raise block",),
-        taxonomy=Taxonomy.of("prehensile"),
+        suites=("asymmetric", "asynchronous", "prehensile"),
         props=(BLOCK,),
         success=(Held("block", by=Arm.RIGHT), Above("block", 0.95)),
         horizon_ticks=300,

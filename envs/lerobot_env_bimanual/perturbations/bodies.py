@@ -180,6 +180,7 @@ def _nudge(moment: Moment[Shift]) -> None:
         return
     if _shift(scene, drawn.shift_m):
         moment.forget()
+        moment.progress.disturbances += 1
 
 
 def _is_touched(scene: Scene) -> bool:

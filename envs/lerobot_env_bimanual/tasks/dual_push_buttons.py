@@ -29,7 +29,7 @@ from lerobot_env_bimanual.conditions import Pressed
 from lerobot_env_bimanual.props.button import Button
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Script, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Script, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -83,7 +83,7 @@ class DualPushButtons(Task):
         variations=tuple(
             Variation(index, dict(zip(WORDS, colors, strict=True))) for index, colors in enumerate(TRIPLES)
         ),
-        taxonomy=Taxonomy.of("temporal symmetric non_prehensile"),
+        suites=("temporal", "symmetric", "asynchronous", "non_prehensile"),
         props=tuple(Button(name) for name in BUTTONS),
         varied=((*(Button(name, VARIED_CAP_RADIUS_M) for name in BUTTONS), *STANDS),),
         success=(Pressed(RIGHT), Pressed(LEFT)),

@@ -27,7 +27,7 @@ from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Script, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import Script, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, grasp_axis, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
@@ -77,7 +77,7 @@ class HandoverItem(Task):
             "hand over the {color} item",
         ),
         variations=tuple(Variation(index, {"color": color}) for index, color in enumerate(COLORS)),
-        taxonomy=Taxonomy.of("temporal spatial physical synchronous prehensile"),
+        suites=("temporal", "spatial", "physical", "asymmetric", "synchronous", "prehensile"),
         props=_blocks(SIDE_M),
         varied=((*_blocks(VARIED_SIDE_M), *STANDS),),
         success=(

@@ -28,7 +28,7 @@ from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
@@ -69,7 +69,7 @@ class HandoverItemEasy(Task):
         name="handover_item_easy",
         id=11,
         instructions=("bring me the item", "hand over the object", "hand over the item"),
-        taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
+        suites=("temporal", "spatial", "physical", "asymmetric", "asynchronous", "prehensile"),
         props=(ITEM,),
         varied=tuple(map(_varied, VARIED_SIZES_M)),
         success=(

@@ -25,7 +25,7 @@ from lerobot_env_bimanual.conditions import Above, Touched
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -67,7 +67,7 @@ class LiftBall(Task):
         name="lift_ball",
         id=1,
         instructions=("lift the ball",),
-        taxonomy=Taxonomy.of("temporal spatial physical symmetric synchronous non_prehensile"),
+        suites=("temporal", "spatial", "physical", "symmetric", "synchronous", "non_prehensile"),
         props=(BALL,),
         varied=tuple((replace(BALL, radius_m=each), _stand(each)) for each in VARIED_RADII_M),
         success=(

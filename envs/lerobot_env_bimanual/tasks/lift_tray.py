@@ -27,7 +27,7 @@ from lerobot_env_bimanual.conditions import Above, Held
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.serving_tray import PegStand, ServingTray
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -59,7 +59,7 @@ class LiftTray(Task):
         name="lift_tray",
         id=10,
         instructions=("lift the tray",),
-        taxonomy=Taxonomy.of("temporal spatial physical symmetric synchronous prehensile"),
+        suites=("temporal", "spatial", "physical", "symmetric", "synchronous", "prehensile"),
         props=(STAND, TRAY, ITEM),
         varied=tuple(
             (VARIED_STAND, replace(TRAY, size_m=(0.24, length_m, 0.006), **VARIED_HANDLE), ITEM)

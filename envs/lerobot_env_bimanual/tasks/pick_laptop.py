@@ -27,7 +27,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Grasped
 from lerobot_env_bimanual.props.laptop import Laptop, Riser
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -77,7 +77,7 @@ class PickLaptop(Task):
         name="pick_laptop",
         id=7,
         instructions=("pick up the laptop",),
-        taxonomy=Taxonomy.of("temporal spatial physical mixed"),
+        suites=("temporal", "spatial", "physical", "asymmetric", "asynchronous", "mixed"),
         props=(HOLDER, LAPTOP),
         varied=tuple(map(_varied, VARIED_HEIGHTS_M, VARIED_SIZES_M)),
         success=(Grasped("laptop"), Above("laptop", SUCCESS_HEIGHT_M)),

@@ -31,7 +31,7 @@ from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.props.plate import Plate
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -90,7 +90,7 @@ class PickPlate(Task):
         name="pick_plate",
         id=3,
         instructions=("pick up the plate",),
-        taxonomy=Taxonomy.of("temporal spatial physical mixed"),
+        suites=("temporal", "spatial", "physical", "asymmetric", "asynchronous", "mixed"),
         props=(PLATE,),
         varied=tuple(map(_varied, VARIED_RADII_M)),
         success=(

@@ -30,7 +30,7 @@ from lerobot_env_bimanual.conditions import Aligned, Always, AtRest, CentredOn
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -80,7 +80,7 @@ class PushBox(Task):
         name="push_box",
         id=0,
         instructions=("push the box to the red area",),
-        taxonomy=Taxonomy.of("temporal spatial symmetric synchronous non_prehensile"),
+        suites=("temporal", "spatial", "symmetric", "synchronous", "non_prehensile"),
         props=(TARGET, BOX),
         varied=tuple((TARGET, replace(BOX, size_m=(*size_m, BOX.size_m[2]))) for size_m in VARIED_SIZES_M),
         success=(

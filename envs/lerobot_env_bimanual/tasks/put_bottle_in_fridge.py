@@ -30,7 +30,7 @@ from lerobot_env_bimanual.props.bottle import Bottle
 from lerobot_env_bimanual.props.fridge import Fridge
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -87,7 +87,7 @@ class PutBottleInFridge(Task):
             "open the fridge and put the bottle in there",
             "open the fridge door, pick up the bottle, and leave it in the fridge",
         ),
-        taxonomy=Taxonomy.of("temporal prehensile"),
+        suites=("temporal", "asymmetric", "asynchronous", "prehensile"),
         props=(FRIDGE, BOTTLE),
         varied=((FRIDGE, VARIED_BOTTLE, VARIED_STAND),),
         success=(

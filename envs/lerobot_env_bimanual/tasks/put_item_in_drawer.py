@@ -30,7 +30,7 @@ from lerobot_env_bimanual.conditions import Condition, Grasped, Inside, Once, Un
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import LEVELS, DrawerCabinet
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -83,7 +83,7 @@ class PutItemInDrawer(Task):
             "leave the block in the {level} drawer",
         ),
         variations=tuple(Variation(index, {"level": level}) for index, level in enumerate(LEVELS)),
-        taxonomy=Taxonomy.of("temporal prehensile"),
+        suites=("temporal", "asymmetric", "asynchronous", "prehensile"),
         props=(CABINET, ITEM),
         varied=((VARIED_CABINET, VARIED_ITEM),),
         success=(*(Untouched("item", by=arm) for arm in ARMS), Once((Grasped("item"),))),

@@ -64,7 +64,7 @@ def list_suites() -> dict[str, tuple[str, ...]]:
     suites: dict[str, list[str]] = {ALL: []}
     for name, task in TASKS.all().items():
         spec = task.spec
-        for suite in (ALL, *spec.taxonomy.suites, *((TWO_ARMED,) if spec.needs_both_arms else ())):
+        for suite in (ALL, *spec.suites, *((TWO_ARMED,) if spec.needs_both_arms else ())):
             suites.setdefault(suite, []).append(name)
     return {suite: tuple(suites[suite]) for suite in sorted(suites)}
 

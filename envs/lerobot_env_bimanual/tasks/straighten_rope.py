@@ -28,7 +28,7 @@ from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.props.rope import HEAD, TAIL, Rope
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.arena import TABLE_CENTRE_XY_M
 from lerobot_env_bimanual.world.scene import Scene
@@ -78,7 +78,7 @@ class StraightenRope(Task):
             "tighten the rope",
             "pull the rope tight",
         ),
-        taxonomy=Taxonomy.of("temporal spatial physical synchronous prehensile"),
+        suites=("temporal", "spatial", "physical", "asymmetric", "synchronous", "prehensile"),
         props=(TAIL_PLATE, HEAD_PLATE, ROPE),
         varied=tuple(
             (TAIL_PLATE, HEAD_PLATE, replace(ROPE, pitch_m=pitch_m)) for pitch_m in VARIED_PITCHES_M

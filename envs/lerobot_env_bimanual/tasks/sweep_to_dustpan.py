@@ -26,7 +26,7 @@ from lerobot_env_bimanual.conditions import Always, Inside, Near, Unhandled
 from lerobot_env_bimanual.props.broom import Broom, BroomStand
 from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan, scattered
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -84,7 +84,7 @@ class SweepToDustpan(Task):
             "leave the table clean",
             "sweep the dust to the pan",
         ),
-        taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
+        suites=("temporal", "spatial", "physical", "asymmetric", "asynchronous", "prehensile"),
         props=(STAND, BROOM, PAN, *CRUMBS),
         varied=tuple((STAND, broom, PAN, *CRUMBS) for broom in VARIED_BROOMS),
         success=(

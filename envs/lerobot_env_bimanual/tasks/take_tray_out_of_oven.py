@@ -31,7 +31,7 @@ from lerobot_env_bimanual.conditions import Grasped, WhollyAbove
 from lerobot_env_bimanual.props.baking_tray import BakingTray
 from lerobot_env_bimanual.props.oven import Oven
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -95,7 +95,7 @@ class TakeTrayOutOfOven(Task):
             "take out the tray",
             "retrieve the oven tray",
         ),
-        taxonomy=Taxonomy.of("temporal prehensile"),
+        suites=("temporal", "asymmetric", "asynchronous", "prehensile"),
         props=(OVEN, TRAY),
         varied=tuple((replace(VARIED_OVEN, rack_m=rack_m), VARIED_TRAY) for rack_m in VARIED_RACKS_M),
         success=(Grasped("tray"), WhollyAbove("tray", TABLE_HEIGHT_M + OVEN.top_m)),

@@ -19,7 +19,6 @@ from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationHead, EvaluationRecord, eval_key, result_versions
 from lerobot_bimanual.results.journal import Journal
 from lerobot_bimanual.results.record import BadRecord, Record
-from lerobot_env_bimanual.experts.runner import OUT_OF_TIME
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.vector.episode_recorder import PLAYED
@@ -247,7 +246,7 @@ class EvaluationLog:
         for index in sorted(self._running):
             if is_over[index]:
                 self._running.remove(index)
-                episode = info[PLAYED][index] if PLAYED in info else _episode(info, index)
+                episode = info[PLAYED][index]
                 if self._kept is not None:
                     self._kept.add(episode)
                 self._count(episode)
@@ -284,11 +283,3 @@ class EvaluationLog:
         real = f"; real arms could have executed {sum(known)} of {len(known)}" if known else ""
         text = "%s: %d of %d episodes solved%s%s; %s"
         logger.info(text, self._task, solved, len(episodes), reasons and f" ({reasons})", real, videos)
-
-
-def _episode(info: Mapping[str, Any], index: int) -> Episode:
-    """The episode that an environment without a recorder has ended."""
-    success = bool(info["is_success"][index])
-    failure = None if success else str(info["failure"][index] or OUT_OF_TIME)
-    seed, ticks = (int(info[name][index]) for name in ("seed", "ticks"))
-    return Episode(seed=seed, success=success, failure=failure, ticks=ticks)

@@ -76,11 +76,10 @@ class _InWorker(gym.Wrapper):
             raise CarriedError(told(error)) from error
 
 
-def _make(make_env: Callable[[], BimanualEnv], recorded: bool, in_worker: bool) -> gym.Env:
+def _make(make_env: Callable[[], BimanualEnv], in_worker: bool) -> gym.Env:
     if in_worker:
         end_with_parent()
-    env = make_env()
-    held = HoldAfterDone(EpisodeRecorder(env) if recorded else env)
+    held = HoldAfterDone(EpisodeRecorder(make_env()))
     return _InWorker(held) if in_worker else held
 
 
@@ -136,8 +135,7 @@ class LazyVectorEnv(VectorEnv):
         evaluation: Evaluation | None = None,
         results_dir: str | None = None,
     ):
-        recorded = results_dir is not None
-        self._make_envs = [partial(_make, make_env, recorded, asynchronous) for make_env in make_envs]
+        self._make_envs = [partial(_make, make_env, asynchronous) for make_env in make_envs]
         self._asynchronous = asynchronous
         self._running: SyncVectorEnv | AsyncVectorEnv | None = None
         self._lock = threading.Lock()

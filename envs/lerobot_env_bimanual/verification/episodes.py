@@ -1,7 +1,7 @@
 """Replay of a policy's recorded episodes from their seeds and actions, without the policy."""
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -37,7 +37,7 @@ class EpisodeVerifier:
         self.env = replay_env(task, options, **seen)
         self._recorder = HoldAfterDone(EpisodeRecorder(self.env))
 
-    def differences(self, episode: Episode) -> list[str]:
+    def __call__(self, episode: Episode) -> list[str]:
         """Differences between an episode and its replay; empty if it replays as recorded."""
         try:
             self._recorder.reset(seed=episode.seed, options={"variation": episode.variation})
@@ -61,29 +61,30 @@ class EpisodeVerifier:
             return [f"cannot be compared: {error}"]
 
 
-def verify_episodes(
-    record: EvaluationRecord, episodes: Sequence[Episode], pool: WorkerPool
-) -> list[list[str]]:
-    """Differences between each episode of an evaluation and its replay, in parallel and with a progress bar."""
-    verify = functools.partial(_verify, record.task, tuple(record.options.items()))
-    results = pool.map(
-        verify,
-        episodes,
-        f"{record.task}: replay",
-        "episode",
-        failed=lambda _, reason: [f"not replayed: {reason}"],
-    )
-    return [*results]
+def found_in[Found](
+    player: Callable[[str, Mapping[str, str | int]], Callable[[Episode], Found]],
+    record: EvaluationRecord,
+    episodes: Sequence[Episode],
+    pool: WorkerPool,
+    label: str,
+    **how: Any,
+) -> list[Found]:
+    """What a player, made of task and options, finds in each of some episodes, in parallel and with a progress bar.
+
+    `how` are further arguments of `WorkerPool.map`.
+    """
+    find = functools.partial(_find, player, record.task, tuple(record.options.items()))
+    return [*pool.map(find, episodes, f"{record.task}: {label}", "episode", **how)]
 
 
 @functools.lru_cache(maxsize=1)
-def _verifier(task: str, options: Options) -> EpisodeVerifier:
-    """The verifier of this process, kept for the next episode of the same evaluation."""
-    return EpisodeVerifier(task, dict(options))
+def _kept(player: Callable[..., Any], task: str, options: Options) -> Callable[[Episode], Any]:
+    """The player of this process, kept for the next episode of the same evaluation."""
+    return player(task, dict(options))
 
 
-def _verify(task: str, options: Options, episode: Episode) -> list[str]:
-    return _verifier(task, options).differences(episode)
+def _find(player: Callable[..., Any], task: str, options: Options, episode: Episode) -> Any:
+    return _kept(player, task, options)(episode)
 
 
 def replay_env(task: str, options: Mapping[str, str | int], **seen: Any) -> BimanualEnv:

@@ -4,7 +4,6 @@ import copy
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import cycle, islice
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +15,11 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.world.alterations import Alterations, solid_geom_counts
+from lerobot_env_bimanual.world.alterations import Alterations
 from lerobot_env_bimanual.world.appearance import NOMINAL, Appearance
 from lerobot_env_bimanual.world.arena import build_spec
 from lerobot_env_bimanual.world.scene_view import SceneView
-from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, ServoCommands
+from lerobot_env_bimanual.world.servo_commands import ServoCommands
 
 MAX_SETTLE_TICKS = 8
 """Control ticks after placing the props, before the episode starts: at most 0.4 s, in which props come to rest."""
@@ -100,10 +99,8 @@ class Scene(SceneView):
         self._tree_awake = self.data.tree_awake
         self._prop_positions = self.data.qpos[self._finger_qpos.max() + 1 :]
         self._forgotten: tuple[bytes, bytes] | None = None
-        self._geom_counts, self._solid_counts = self.model.body_geomnum.copy(), solid_geom_counts(self.model)
         self._servos = ServoCommands(self.model, self.data)
-        self._ctrl_bytes = memoryview(self.data.ctrl[:JOINT_ACTION_DIM]).cast("B")
-        self._options, self._body_geomnum = self.model.opt, self.model.body_geomnum
+        self._options = self.model.opt
         self.reset()
 
     # -- episode ------------------------------------------------------------------------------------------
@@ -202,30 +199,20 @@ class Scene(SceneView):
             observers: called after every step of physics, while `data` holds its contacts and forces; they only read.
         """
         last, self._commanded = self._commanded, np.array(joint_action, dtype=np.float32)
-        commands, ctrl = self._servos.of_tick(last, self._commanded), self._ctrl_bytes
-        model, data, step = self.model, self.data, mujoco.mj_step
-        # Only here, for what sleeps and what never moves is then left out of every computation of poses.
+        commands = self._servos.of_tick(last, self._commanded)
+        model, data, ctrl = self.model, self.data, self.data.ctrl[:JOINT_ACTION_DIM]
+        # Only here, for what sleeps is then left out of every computation of poses.
         self._options.enableflags |= SLEEP
-        self._body_geomnum[:] = self._solid_counts
         try:
             # MuJoCo's step is step1 (positions to contacts) and step2 (forces to new positions). Starting with the
             # second and ending with the first costs nothing and leaves poses and contacts up to date.
-            ctrl[:] = commands[0]
-            mujoco.mj_step2(model, data)
-            for observe in observers:
-                observe()
-            if len(commands) == 1 and not observers:
-                step(model, data, STEPS_PER_TICK - 1)
-            else:
-                for command in islice(cycle(commands), 1, STEPS_PER_TICK):
-                    ctrl[:] = command
-                    step(model, data)
-                    for observe in observers:
-                        observe()
-            self._body_geomnum[:] = self._geom_counts
+            for number, command in enumerate(commands):
+                ctrl[:] = command
+                (mujoco.mj_step if number else mujoco.mj_step2)(model, data)
+                for observe in observers:
+                    observe()
             mujoco.mj_step1(model, data)
         finally:  # also where an observer raised
-            self._body_geomnum[:] = self._geom_counts
             self._options.enableflags &= ~SLEEP
         if data.ntree_awake < model.ntree:
             self._forget_falling_asleep()
