@@ -3,6 +3,7 @@
 Each table is between two comments of its page. Usage: tables.py
 """
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,14 @@ import pandas as pd
 
 from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.reports.benchmark_page import ABSENT, board_table, read_results, results_table
+from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.comparison import Comparison
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.reports.expert_tables import PAPER
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 ROOT = Path(__file__).parents[1]
-LEADERBOARD = ROOT / "results/leaderboard"
+LEADERBOARD, ABLATION = ROOT / "results/leaderboard", ROOT / "results/ablation"
 POLICIES = {
     "act": "ACT",
     "rvt_lf": "RVT-LF",
@@ -74,6 +77,21 @@ def _beside_the_paper() -> str:
     return markdown_table(solved.map("{:.3g}".format).rename_axis("task").reset_index())
 
 
+def _ablation() -> str:
+    """Episodes that PerAct2 solves in `standard`, as usual and with one change of its recipe; p of the paired test in brackets."""
+    rows: dict[str, dict[str, str]] = {"nothing": {}}
+    for path in sorted(ABLATION.glob("*/*.json")):
+        changed, usual = BenchmarkResult.read(path), BenchmarkResult.read(LEADERBOARD / path.name)
+        both, task = Comparison((changed,), (usual,)), f"`{changed.task}`"
+        (now,), (before,) = both.rates
+        usually = usual.config.training
+        flags = {name: value for name, value in changed.config.training.items() if value != usually.get(name)}
+        words = (f"{name.removeprefix('policy.')}={json.dumps(value)}" for name, value in flags.items())
+        rows["nothing"][task] = f"{before.successes}"
+        rows.setdefault(f"`{' '.join(words)}`", {})[task] = f"{now.successes} ({both.p_value:.2g})"
+    return markdown_table(pd.DataFrame(rows).T.rename_axis("changed").reset_index())
+
+
 def _tasks() -> str:
     specs = sorted((get_task(name).spec for name in list_tasks()), key=lambda spec: spec.id)
     rows = {
@@ -101,6 +119,7 @@ def _axes() -> str:
 TABLES = {
     "results": ("README.md", _results),
     "paper": ("docs/comparison.md", _beside_the_paper),
+    "ablation": ("docs/learning.md", _ablation),
     "tasks": ("docs/training.md", _tasks),
     "axes": ("docs/robustness.md", _axes),
 }

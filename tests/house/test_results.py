@@ -23,7 +23,7 @@ from lerobot_env_bimanual.sweep.conditions import conditions_of
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
-PATHS = sorted(path for path in ROOT.glob("results/*/*_seed*.json") if path.parent.name != "robustness")
+PATHS = sorted(path for path in ROOT.glob("results/**/*_seed*.json") if path.parent.name != "robustness")
 ROWS = {path: BenchmarkResult.read(path) for path in PATHS}
 BOARD = {path: row for path, row in ROWS.items() if path.parent.name == "leaderboard"}
 ROWS_PLAYED = 20
