@@ -1,15 +1,23 @@
 """The program `lerobot-bimanual-eval`: LeRobot's own evaluation, of checked flags and checkpoints, with one bar."""
 
+import logging
 import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 
+from lerobot_bimanual.checkpoint_folder import CONFIG_FILE
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.cli.lerobot_flags import is_trusted
 from lerobot_bimanual.cli.lerobot_program import run_program
+from lerobot_bimanual.dataset.schema import ACTION, IMAGE_PREFIX
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.files import read_json
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
+
+logger = logging.getLogger(__name__)
 
 
 def main() -> int:
@@ -44,6 +52,32 @@ def _evaluate(values: Mapping[str, str]) -> None:
     import lerobot_env_bimanual.configuration_bimanual  # noqa: F401  registers the type: the package came before LeRobot
     from lerobot_env_bimanual.sweep.checkpoint import require_safe
 
-    if not is_trusted(sys.orig_argv) and "help" not in values:
-        require_safe(Path(values["policy.path"]))  # of the command line or of the file `--config_path`
-    lerobot_eval.main()
+    if "help" in values:
+        lerobot_eval.main()
+        return
+    checkpoint = Path(values["policy.path"])  # of the command line or of the file `--config_path`
+    if not is_trusted(sys.orig_argv):
+        require_safe(checkpoint)
+    learned = _learned_from(checkpoint) if values.get("env.type") == "bimanual" else ""
+    size = f"--env.image_size={EnvOptions(image_size=values.get('env.image_size', EnvOptions.image_size)).image_size}"
+    if "--env.image_size=" in learned and size not in learned.split():
+        logger.warning("the policy learned with %s, but is scored with %s", learned, size)
+    try:
+        lerobot_eval.main()
+    except RuntimeError as error:
+        if not learned or "size mismatch" not in str(error):
+            raise
+        raise BimanualError(f"the policy does not fit: it learned with {learned}") from error
+
+
+def _learned_from(checkpoint: Path) -> str:
+    """Flags of the environment whose images and actions a checkpoint learned from, as far as its config says so."""
+    config = read_json(checkpoint / CONFIG_FILE) if (checkpoint / CONFIG_FILE).is_file() else {}
+    images = [
+        each for key, each in (config.get("input_features") or {}).items() if key.startswith(IMAGE_PREFIX)
+    ]
+    sizes = [EnvOptions(image_size="{}x{}".format(*each["shape"][-2:])).image_size for each in images]
+    flags = [f"--env.image_size={size}" for size in dict.fromkeys(sizes)]
+    (length,) = (config.get("output_features") or {}).get(ACTION, {"shape": [0]})["shape"]
+    modes = {KEYPOSE_DIM: "keypose", JOINT_ACTION_DIM: "joint"}
+    return " ".join([*flags, *([f"--env.control_mode={modes[length]}"] if length in modes else [])])

@@ -145,7 +145,7 @@ def checked_seed(seed: Any) -> int | None:
         return None
     is_integer = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
     if not is_integer or not 0 <= int(seed) <= MAX_SEED:
-        raise InvalidChoice("seed", seed, ["an integer from 0 to 2**63 - 1", "None"])
+        raise InvalidChoice("seed", seed, "None or an integer from 0 to 2**63 - 1")
     return int(seed)
 
 

@@ -8,6 +8,7 @@ one by one, so that the one that kills its worker is known and named.
 import multiprocessing
 import os
 import signal
+import sysconfig
 import threading
 import traceback
 from collections import deque
@@ -207,8 +208,13 @@ def told(error: BaseException) -> BimanualError:
     """An exception as an error that can travel between processes, with its traceback as a note."""
     if not isinstance(error, BimanualError):
         frames = traceback.extract_tb(error.__traceback__)
-        place = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
-        text = f"unexpected {type(error).__name__}: {error}{place}"
+        # Of a task the author is told the line of the task's file.
+        known = (str(Path(__file__).parent), *map(sysconfig.get_path, ("stdlib", "purelib")))
+        of_task = [
+            each for each in frames if "/tasks/" in each.filename or not each.filename.startswith(known)
+        ]
+        place = [f" ({Path(each.filename).name}, line {each.lineno})" for each in of_task[-1:] or frames[-1:]]
+        text = f"unexpected {type(error).__name__}: {error}{''.join(place)}"
         error = WorkFailed(text).with_traceback(error.__traceback__)
     error.add_note("".join(traceback.format_tb(error.__traceback__)))
     return error

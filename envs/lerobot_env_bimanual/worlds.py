@@ -7,7 +7,7 @@ import numpy as np
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.errors import PlacementFailure
+from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_env_bimanual.episode.observations import ObservationRenderer
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
@@ -59,7 +59,12 @@ class EpisodeReset:
         for draw in range(1, MAX_DRAWS + 1):
             self._drawn_in.reset()
             reason = "illegal placement"
-            if self._task.place(self._drawn_in, progress.variation, progress.rng):
+            placed = self._task.place(self._drawn_in, progress.variation, progress.rng)
+            if placed is None:
+                raise BimanualError(
+                    f"`place` of {self._task.spec.name} returned None, but must return True, or False to draw anew"
+                )
+            if placed:
                 reason = self._first_rehearsal.infeasibility(script)
             if reason is None:
                 if self._drawn_in is not self._scene:

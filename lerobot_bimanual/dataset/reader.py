@@ -147,9 +147,9 @@ def read_info(root: Path) -> dict[str, Any]:
         _Info.read(path)
         return read_json(path)
     except BimanualError as error:
-        raise DatasetError(
-            f"no LeRobot dataset at {root}: {error}. Restore the file, or generate the dataset again"
-        ) from error
+        views = " or ".join(map(str, views_below(root)))
+        remedy = f"Give {views}" if views else "Restore the file, or generate the dataset again"
+        raise DatasetError(f"no LeRobot dataset at {root}: {error}. {remedy}") from error
 
 
 def is_depth(feature: dict[str, Any]) -> bool:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.geometry import rotations
 
 Array = NDArray[np.float64]
@@ -47,12 +48,19 @@ class Pose:
             approach: (3,) direction out of the palm: the hand frame's z axis.
             opening: (3,) direction along which the fingers open: the hand frame's y axis, made orthogonal
                 to `approach`.
+
+        Raises:
+            BimanualError: one of the directions is zero, or both are parallel.
         """
         z = np.asarray(approach, dtype=np.float64)
         z = z / np.linalg.norm(z)
         y = np.asarray(opening, dtype=np.float64)
         y = y - z * (y @ z)
-        y = y / np.linalg.norm(y)
+        if not (length := np.linalg.norm(y)) > 1e-9:
+            raise BimanualError(
+                f"opening {opening} is zero or along the approach {approach}, but must be across it"
+            )
+        y = y / length
         x = y[[1, 2, 0]] * z[[2, 0, 1]] - y[[2, 0, 1]] * z[[1, 2, 0]]  # np.cross, ten times as fast
         matrix = np.stack([x, y, z], axis=-1)
         return cls(np.asarray(position), rotations.matrix_to_quat_wxyz(matrix))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.geometry import pinhole, pinhole_torch, rotations, rotations_torch
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
@@ -40,6 +41,15 @@ def test_looking_points_the_hand_along_the_approach_with_fingers_along_the_openi
     np.testing.assert_allclose(pose.rotation @ [0, 0, 1], [0, 0, -1], atol=1e-12)
     np.testing.assert_allclose(pose.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(pose.advanced(0.1).position, [0.1, 0.2, 0.2], atol=1e-12)
+
+
+@pytest.mark.parametrize("approach", [(1, 0, 0), (0, 0, 0)])
+def test_a_hand_cannot_open_along_its_approach(approach):
+    with (
+        np.errstate(invalid="ignore"),
+        pytest.raises(BimanualError, match=r"opening .* but must be across it"),
+    ):
+        Pose.looking((0, 0, 1), approach, opening=(2, 0, 0))
 
 
 def test_a_pose_does_not_alias_its_arguments():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.errors import PlacementFailure
+from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual import conditions
 from lerobot_env_bimanual.conditions import (
@@ -194,6 +194,9 @@ def test_unreachable_placements_are_redrawn_and_counted_and_endless_redrawing_is
     task = get_task("lift_ball")
     task.place = lambda scene, variation, rng: False
     with pytest.raises(PlacementFailure, match=f"none of {MAX_DRAWS} .*{MAX_DRAWS}x illegal placement"):
+        EpisodeReset(task, Scene(task.spec.props), unchanged).start(beginning(task))
+    task.place = lambda scene, variation, rng: None
+    with pytest.raises(BimanualError, match="`place` of lift_ball returned None, but must return True"):
         EpisodeReset(task, Scene(task.spec.props), unchanged).start(beginning(task))
 
 

@@ -48,6 +48,11 @@ def test_any_callable_leaves_a_record_that_is_verified_and_diagnosed(tmp_path, c
     for verb in ("verify", "diagnose"):
         assert main(["results", verb, f"--results={tmp_path / 'records'}", "--workers=1"]) == 0
     told = capsys.readouterr().out
+    again = {"name": "down", "environments": 2, **places, **FEW, "progress": True}
+    assert evaluate(hands_down, "handover_item", SEEDS, **again) == beside
+    said = capsys.readouterr().err
+    assert "test_record.json has are not played again" in said
+    assert "handover_item: 0 of 3 episodes solved (3 x out of time)" in said
     assert "as claimed, 3 episodes replayed" in told
     assert "handover_item down" in told
 
@@ -72,7 +77,13 @@ def test_a_policy_that_remembers_is_reset_and_a_named_evaluation_goes_on_where_i
 
 @pytest.mark.parametrize(
     ("options", "complaint"),
-    [({"seeds": ()}, "seeds is 0"), ({"environments": 0}, "is 0"), ({"keys": "hf"}, "gymnasium, lerobot")],
+    [
+        ({"seeds": ()}, "seeds is 0"),
+        ({"seeds": 5}, r"seeds is 5, but must be integers, such as range\(50\)"),
+        ({"seeds": [0.5]}, "seed is 0.5, but must be None or an integer"),
+        ({"environments": 0}, "is 0"),
+        ({"keys": "hf"}, "gymnasium, lerobot"),
+    ],
 )
 def test_what_cannot_be_evaluated_is_refused(options, complaint):
     with pytest.raises(InvalidChoice, match=complaint):

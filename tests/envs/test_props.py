@@ -44,6 +44,8 @@ def test_a_thing_from_a_file_has_its_meshes_and_falls_onto_the_table(tmp_path):
     path.write_text("<mujoco/>")
     with pytest.raises(BimanualError, match="has no body"):
         Scene([ModelFile("cup", str(path))])
+    with pytest.raises(BimanualError, match=r"prop 'mug': /.*mug.xml: .*Error opening file"):
+        Scene([ModelFile("mug", "mug.xml")])
 
 
 CYLINDER = [(0, -0.1), (0.2, -0.1), (0.2, 0.1), (0, 0.1)]

@@ -2,10 +2,12 @@
 
 from dataclasses import fields
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from lerobot_bimanual import cli
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import UnwritableOutput, write_file
 from lerobot_env_bimanual import eval_program
 from lerobot_policy_bimanual.training import program as train_program
@@ -135,6 +137,15 @@ def test_a_mistake_for_a_program_of_lerobot_is_told_on_one_line_before_its_impor
     told = capsys.readouterr().err
     assert message in told
     assert told.count("\n") == 1  # before the import there is another line
+
+
+def test_a_checkpoint_that_learned_from_other_images_or_actions_says_by_which_flags(monkeypatch, caplog):
+    monkeypatch.setattr("lerobot.scripts.lerobot_eval.main", Mock(side_effect=RuntimeError("size mismatch")))
+    monkeypatch.setattr("sys.argv", [eval_program.__name__, TRAINED])
+    values = {"policy.path": TRAINED.partition("=")[2], "env.type": "bimanual"}
+    with pytest.raises(BimanualError, match=r"learned with --env.image_size=128 --env.control_mode=keypose"):
+        eval_program._evaluate(values)
+    assert "but is scored with --env.image_size=256" in caplog.text
 
 
 RESULTS = Path(__file__).parents[2] / "results"

@@ -48,7 +48,9 @@ def test_a_task_and_a_policy_of_ones_own_pass_their_tests_and_are_trained_and_sc
     """Their wheels, unpacked, are distributions like any other. The checkpoint goes on learning from the task."""
     site = tmp_path / "site"
     for kind in ("task", "policy"):
-        run("lerobot-bimanual", kind, "new", "--name=my_own", f"--output={kind}", folder=tmp_path)
+        said = run("lerobot-bimanual", kind, "new", "--name=my_own", f"--output={kind}", folder=tmp_path)
+        pip, *install = shlex.split(said.splitlines()[-1].removeprefix("next: "))
+        run(sys.executable, "-m", pip, *install, "--dry-run", folder=tmp_path)
         run(sys.executable, "-m", "pytest", "-q", kind, folder=tmp_path)
         build = ("-m", "build", "--no-isolation", "--wheel", f"--outdir={tmp_path}", str(tmp_path / kind))
         run(sys.executable, *build, folder=tmp_path)

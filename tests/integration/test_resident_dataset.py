@@ -114,6 +114,12 @@ def test_rows_that_memory_cannot_hold_as_requested_are_refused_by_flag(option, v
         check_training(TrainPipelineConfig(dataset))
 
 
+def test_depth_is_not_given_to_a_policy_that_takes_it_for_colours(generated):
+    dataset = DatasetConfig("local/small", root=str(generated / "keyframes"))
+    with pytest.raises(DatasetError, match=r"'act' would take the depth .* --depth=false"):
+        check_training(TrainPipelineConfig(dataset, policy=ACTConfig(device="cpu")))
+
+
 def test_what_is_missing_on_the_way_to_the_accelerator_is_named(monkeypatch):
     monkeypatch.setattr(train, "check_training", lambda cfg: cfg.missing)
     with pytest.raises(AttributeError, match="'missing'"):

@@ -101,7 +101,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "an infinite weight": (weights(lambda held: held[BIAS][:1].fill_(torch.inf)), f"{BIAS} in .* not finite"),
     "no preprocessor": (remove(PREPROCESSOR), "policy_preprocessor.json: No such file"),
     "a step by class": (step(**{"class": "subprocess.Popen"}), "names the class 'subprocess.Popen'"),
-    "an unknown step": (step(registry_name="stranger"), "the step 'stranger' loads something"),
+    "an unknown step": (step(registry_name="stranger"), "the step 'stranger' may load something"),
     "another step of LeRobot": (step(registry_name="to_batch_processor", config={}), "but must list"),
     "a state file outside": (step(state_file="../secret.safetensors"), "state_file: .* pattern"),
     "a state file without end": (step(state_file="a" * 5000), "state_file: .* pattern"),

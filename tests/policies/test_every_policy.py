@@ -14,8 +14,9 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 import lerobot_policy_bimanual
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP, depth_key
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_env_bimanual import evaluate
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
@@ -43,6 +44,12 @@ def test_the_package_offers_the_config_the_policy_and_the_processors_of_every_ty
     for part in (PreTrainedConfig.get_choice_class(policy_type), policy_class):
         assert offered[part.__name__] is part
     assert callable(offered[f"make_{policy_type}_pre_post_processors"])
+
+
+def test_a_policy_without_its_preprocessor_is_not_evaluated_as_a_callable(policy_type):
+    policy = object.__new__(get_policy_class(policy_type))
+    with pytest.raises(BimanualError, match="score its checkpoint with `lerobot-eval`"):
+        evaluate(policy, "lift_ball")
 
 
 def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):

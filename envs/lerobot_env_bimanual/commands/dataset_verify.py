@@ -16,6 +16,7 @@ from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
+    from lerobot_bimanual.dataset.provenance import Provenance
     from lerobot_env_bimanual.verification.fault import Fault, Findings
     from lerobot_env_bimanual.verification.verifier import Verifier
 
@@ -55,6 +56,8 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
         lerobot-bimanual dataset verify --root=data/lift_ball
         lerobot-bimanual dataset verify --root=data/lift_ball --episode_indices=0:20 --render=all
     """
+    from lerobot_bimanual.benchmark.recipes import GROUP, Recipe
+    from lerobot_bimanual.distributions import entries
     from lerobot_env_bimanual.verification.fault import READABLE, Fault, Findings
     from lerobot_env_bimanual.verification.rendering import ALL_ROWS
 
@@ -89,8 +92,19 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
         return FAULTS
     if any(view.remark for view in views):
         return NOT_REPLAYED
-    dataset = (f"--dataset.repo_id=local/{config.root.name}", f"--dataset.root={views[0].root}")
-    show_next("lerobot-bimanual-train", "--policy.type=peract2", "--policy.push_to_hub=false", *dataset)
+    for view in views:
+        made = view.provenance
+        if (
+            made is not None
+            and made.view == "keyframes"
+            and made.settings["depth"]
+            and "peract2" in entries(GROUP)
+        ):
+            recipe = Recipe.find("peract2", "small").file
+            dataset = (f"--dataset.repo_id={made.settings['repo_id']}", f"--dataset.root={view.root}")
+            show_next(
+                "lerobot-bimanual-train", f"--config_path={recipe}", *dataset, "--output_dir=outputs/peract2"
+            )
     return PASSED
 
 
@@ -141,6 +155,7 @@ class _ViewReport:
     Attributes:
         root: its folder.
         n_episodes: 0 if none can be read.
+        provenance: where the dataset comes from; None if it cannot be read.
         remark: what is not checked, and why; may be empty.
     """
 
@@ -151,12 +166,13 @@ class _ViewReport:
         from lerobot_env_bimanual.verification.verifier import check_files
 
         self.root, self.n_episodes, self.remark = root, 0, ""
+        self.provenance: Provenance | None = None
         self._faults: dict[str, list[tuple[int | None, list[Fault]]]] = defaultdict(list)
         found = check_files(root)
         if READABLE not in found:
             with found.of(READABLE):
                 dataset = RecordedDataset(root)
-                self.n_episodes = len(dataset)
+                self.n_episodes, self.provenance = len(dataset), dataset.provenance
                 if difference := other_simulation(dataset.provenance):
                     self.remark = f"not replayed, so not passed: {difference}"
         self.add(None, found)

@@ -144,8 +144,10 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     if log is not None:
         log.remove()
     print_report(report)
-    show_next("lerobot-bimanual", "dataset", "generate", f"--task={config.task}")
-    return 1 if report.violations else 0
+    if report.violations:
+        return 1
+    show_next("lerobot-bimanual", "dataset", "generate", f"--task={config.task}", f"--root=data/{tasks[0]}")
+    return 0
 
 
 def _earlier(path: Path, head: dict[str, Any]) -> ExpertReport | None:

@@ -1,6 +1,7 @@
 """A thing that an MJCF file describes."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.gl import mujoco
@@ -22,7 +23,10 @@ class ModelFile:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Attach the body, at the origin."""
-        body = mujoco.MjSpec.from_file(self.path).worldbody.first_body()
+        try:
+            body = mujoco.MjSpec.from_file(self.path).worldbody.first_body()
+        except ValueError as error:
+            raise BimanualError(f"prop {self.name!r}: {Path(self.path).absolute()}: {error}") from error
         if body is None:
             raise BimanualError(
                 f"prop {self.name!r}: {self.path} has no body: put what it describes into one"

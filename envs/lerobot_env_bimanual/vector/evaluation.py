@@ -268,12 +268,6 @@ class EvaluationLog:
         kept = "" if self._kept is None else self._kept.finish()
         if not episodes:
             return
-        # Without their details, so that equal ones can be counted.
-        failures = Counter(
-            ":".join(str(each.failure).split(":")[:2]) for each in episodes if not each.success
-        )
-        reasons = ", ".join(f"{count} x {reason}" for reason, count in failures.most_common(MAX_REASONS))
-        solved = sum(episode.success for episode in episodes)
         videos = "--env.video_dir=FOLDER writes a video of every episode"
         if (folder := self._options.video_dir) is not None:
             videos = f"videos in {folder}"
@@ -281,5 +275,13 @@ class EvaluationLog:
             videos = f"{kept}; {videos}"
         known = [episode.survived for episode in episodes if episode.survived is not None]
         real = f"; real arms could have executed {sum(known)} of {len(known)}" if known else ""
-        text = "%s: %d of %d episodes solved%s%s; %s"
-        logger.info(text, self._task, solved, len(episodes), reasons and f" ({reasons})", real, videos)
+        logger.info("%s: %s%s; %s", self._task, summary(episodes), real, videos)
+
+
+def summary(episodes: Sequence[Episode]) -> str:
+    """How many episodes are solved, and why the others are not, such as "1 of 3 episodes solved (2 x out of time)"."""
+    # Without their details, so that equal ones can be counted.
+    failures = Counter(":".join(str(each.failure).split(":")[:2]) for each in episodes if not each.success)
+    reasons = ", ".join(f"{count} x {reason}" for reason, count in failures.most_common(MAX_REASONS))
+    solved = sum(episode.success for episode in episodes)
+    return f"{solved} of {len(episodes)} episodes solved{reasons and f' ({reasons})'}"

@@ -235,11 +235,14 @@ class LazyVectorEnv(VectorEnv):
             got = f"{type(actions).__name__}{shape}"
             raise InvalidAction(f"{self.num_envs} environments take as many actions, got {got}")
         arrays = [_array(row) for row in rows]
-        sizes = {row.size for row in arrays if isinstance(row, np.ndarray)}
-        if not sizes & {*self._action_lengths}:
+        shapes = {row.shape for row in arrays if isinstance(row, np.ndarray)}
+        if not shapes & {(length,) for length in self._action_lengths}:
             valid = " or ".join(map(str, self._action_lengths))
-            raise InvalidAction(f"an action is a vector of {valid} numbers, got {sorted(sizes) or arrays[0]}")
-        self.metadata["render_fps"] = KEYPOSE_FPS if sizes == {KEYPOSE_DIM} else CONTROL_HZ
+            unreadable = next((row for row in arrays if isinstance(row, InvalidAction)), None)
+            raise unreadable or InvalidAction(
+                f"an action is a vector of {valid} numbers, got shape {min(shapes)}"
+            )
+        self.metadata["render_fps"] = KEYPOSE_FPS if shapes == {(KEYPOSE_DIM,)} else CONTROL_HZ
         return arrays
 
     def render(self) -> tuple[Any, ...] | None:
@@ -290,7 +293,7 @@ def _checked_seeds(seed: Any, count: int) -> list[int | None]:
     """The seeds of several environments: those of a list, or a single one counted up."""
     if isinstance(seed, list | tuple | np.ndarray):
         if len(seed) != count:
-            raise InvalidChoice("seed", seed, [f"a list of {count}, one per environment", "a single seed"])
+            raise InvalidChoice("seed", seed, f"a list of {count}, one per environment, or a single seed")
         return [checked_seed(single) for single in seed]
     first = checked_seed(seed)
     return [None if first is None else checked_seed(first + index) for index in range(count)]
@@ -298,6 +301,9 @@ def _checked_seeds(seed: Any, count: int) -> list[int | None]:
 
 def _array(action: Any) -> NDArray | InvalidAction:
     try:
-        return np.asarray(action)
+        array = np.asarray(action)
     except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that requires its gradient
         return InvalidAction(f"an action is a vector of numbers, got what NumPy cannot read: {error}")
+    if array.dtype.kind not in "biuf":
+        return InvalidAction(f"an action is a vector of numbers, got {type(action).__name__}")
+    return array

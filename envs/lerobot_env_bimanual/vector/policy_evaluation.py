@@ -1,5 +1,6 @@
 """Scores a policy that is a Python object, and leaves the record that LeRobot's evaluation leaves."""
 
+import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -10,13 +11,14 @@ from typing import Any
 
 import numpy as np
 from gymnasium.vector.utils import iterate
+from tqdm import tqdm
 
-from lerobot_bimanual.errors import BimanualError, check_range
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, check_range
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import dataset_row
-from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.vector.evaluation import Evaluation, record_name
+from lerobot_env_bimanual.options import EnvOptions, checked_seed
+from lerobot_env_bimanual.vector.evaluation import Evaluation, record_name, summary
 from lerobot_env_bimanual.vector.gym_env import Keys, checked_keys
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 
@@ -47,7 +49,7 @@ def evaluate(
             goes on when it is called again. Without it the folder must be a new one.
         keys: of the observation, as for `make_env`.
         environments: played side by side, each in a process of its own; a policy with `reset` plays one.
-        progress: whether to show a bar.
+        progress: whether to show a bar, and at the end why episodes failed.
         options: of `EnvOptions`, such as `setting`, `variation`, `image_size`, `cameras`, `video_dir` and `results_dir`.
 
     Raises:
@@ -55,20 +57,33 @@ def evaluate(
             the environment takes.
     """
     checked_keys(keys)
-    wanted = sorted({*seeds})
+    if not isinstance(seeds, Iterable):
+        raise InvalidChoice("seeds", seeds, "integers, such as range(50)")
+    wanted = sorted({int(checked_seed(seed) or 0) for seed in seeds})
     check_range("the number of seeds", len(wanted), 1)
     check_range("environments", environments, 1)
     reset, act = getattr(policy, "reset", None), getattr(policy, "select_action", policy)
     if reset is not None and environments > 1:
         raise BimanualError("a policy with `reset` remembers one episode: evaluate it with environments=1")
+    if (lerobot := sys.modules.get("lerobot.policies.pretrained")) and isinstance(
+        policy, lerobot.PreTrainedPolicy
+    ):
+        raise BimanualError(
+            "a LeRobot policy reads what its preprocessor makes: score its checkpoint with `lerobot-eval`"
+        )
     chosen = EnvOptions.of(**options)
     with tempfile.TemporaryDirectory() as elsewhere:
-        folder = chosen.results_dir or elsewhere
+        path = Path(chosen.results_dir or elsewhere) / record_name(task, chosen)
+        if progress and (path.exists() or path.with_suffix(".partial.jsonl").exists()):
+            tqdm.write(
+                f"episodes that {path} has are not played again: choose another folder for another policy",
+                file=sys.stderr,
+            )
         envs = LazyVectorEnv(
             [partial(BimanualEnv, task, options=replace(chosen, results_dir=None))] * environments,
             asynchronous=environments > 1,
             evaluation=Evaluation({"type": name} if name else {}, wanted, shows_bar=progress),
-            results_dir=folder,
+            results_dir=str(path.parent),
         )
         try:
             for batch in batched(wanted, environments):
@@ -77,7 +92,10 @@ def evaluate(
                 _play(envs, act, batch, keys)
         finally:
             envs.close()
-        return EvaluationRecord.read(Path(folder) / record_name(task, chosen))
+        record = EvaluationRecord.read(path)
+    if progress:
+        tqdm.write(f"{task}: {summary(record.episodes)}", file=sys.stderr)
+    return record
 
 
 def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> None:

@@ -30,8 +30,8 @@ class NotSafeToSay(CheckpointError):
 
     def __init__(self, what: str, named: str):
         super().__init__(
-            f"not safe to say: {what} loads {named or 'something'} by name and may run its code; where you trust its source, "
-            "programs that load it take --trust_checkpoint=true"
+            f"not safe to say: {what} {f'loads {named}' if named else 'may load something'} by name and run its code; where "
+            "you trust its source, or it is your own, programs that load it take --trust_checkpoint=true"
         )
 
 

@@ -9,6 +9,7 @@ from lerobot.configs import PreTrainedConfig
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.collate import lerobot_collate_fn
+from lerobot.utils.import_utils import register_third_party_plugins
 
 from lerobot_bimanual.dataset.layout import check_features
 from lerobot_bimanual.dataset.reader import find_view, read_info
@@ -34,6 +35,7 @@ def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy,
         CheckpointError: there is no checkpoint, it is damaged or not to be trusted, or its policy does not predict
             keyposes.
     """
+    register_third_party_plugins()
     config = PreTrainedConfig.from_pretrained(checkpoint) if trusted else check_checkpoint(checkpoint).config
     if not isinstance(config, KeyposePolicyConfig):
         known = PreTrainedConfig.get_known_choices().items()

@@ -35,7 +35,7 @@ from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import check_output_folder, share_files
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.errors import BadConfig
-from lerobot_policy_bimanual.training.dataset_folder import check_dataset
+from lerobot_policy_bimanual.training.dataset_folder import check_dataset, has_depth
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 logger = logging.getLogger(__name__)  # the root's functions would add a handler of everything
@@ -203,8 +203,8 @@ def check_training(cfg: TrainPipelineConfig) -> None:
     """Whether a training can have its dataset in memory; the config then asks for no loader processes.
 
     Raises:
-        DatasetError: the dataset is streamed, transformed at random, asked for in metres, for a reward model, or as in
-            `check_dataset`.
+        DatasetError: the dataset is streamed, transformed at random, asked for in metres, for a reward model, has depth for a
+            policy of LeRobot, or as in `check_dataset`.
         UnwritableOutput: nothing can be written to the folder of the training.
         CheckpointError: the checkpoint that it starts from does not pass `check_checkpoint`, and no flag says to trust it.
     """
@@ -225,6 +225,13 @@ def check_training(cfg: TrainPipelineConfig) -> None:
         )
     if cfg.dataset.root is not None:
         check_dataset(Path(cfg.dataset.root), cfg.dataset.episodes or [0])
+        policy = cfg.policy
+        is_of_lerobot = type(policy).__module__.startswith("lerobot.policies.")
+        if policy and is_of_lerobot and not policy.input_features and has_depth(Path(cfg.dataset.root)):
+            raise DatasetError(
+                f"the policy {policy.type!r} would take the depth in {cfg.dataset.root} for colours: generate the dataset with "
+                "--depth=false, or name what it reads by --policy.input_features"
+            )
     if cfg.output_dir is not None:
         check_output_folder(cfg.output_dir if cfg.output_dir.is_dir() else cfg.output_dir.parent)
     if cfg.num_workers:
