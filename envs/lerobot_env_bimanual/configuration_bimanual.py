@@ -69,19 +69,18 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
     ) -> dict[str, dict[int, gym.vector.VectorEnv]]:
-        """One vector environment per task, as `{suite: {task id: environments}}`: LeRobot's `per_group` is per suite.
+        """One vector environment per task, as `{suite: {number in the suite: environments}}`, 0 for a task by its own name.
 
         Raises:
             BimanualError: `results_dir` holds another evaluation, or `lerobot-eval` is told to record this one itself.
         """
-        from lerobot_env_bimanual.tasks.registry import get_task
         from lerobot_env_bimanual.vector.lerobot_evaluation import evaluation_of_program
 
         evaluation = evaluation_of_program()
         return {
             group: {
-                get_task(task).spec.id: self.make_vector_env(task, n_envs, use_async_envs, evaluation)
-                for task in tasks
+                number: self.make_vector_env(task, n_envs, use_async_envs, evaluation)
+                for number, task in enumerate(tasks)
             }
             for group, tasks in self.groups.items()
         }

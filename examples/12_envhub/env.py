@@ -29,7 +29,7 @@ if version("lerobot_env_bimanual") != VERSION:
 
 
 def make_env(n_envs=1, use_async_envs=False, cfg=None):
-    """Vector environments as `{suite: {task id: environment}}`; none starts before its first reset.
+    """Vector environments as `{suite: {number: environment}}`; none starts before its first reset.
 
     Args:
         n_envs: parallel episodes per task.

@@ -16,7 +16,7 @@ from vla_eval.api import evaluate
 from vla_eval.model_servers.base import ModelServer
 from vla_eval.registry import resolve_import_string
 
-from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.tasks.registry import list_tasks
 
 EXAMPLE = Path(__file__).parents[2] / "examples/13_vla_eval"
 
@@ -73,9 +73,8 @@ def downloaded(tmp_path) -> dict:
 
 def test_lerobot_makes_every_task_or_the_chosen_ones_with_the_options_of_the_repository(downloaded):
     envs = make_env(f"someone/bimanual@{COMMIT}", n_envs=2, **downloaded)
-    numbers = [get_task(task).spec.id for task in list_tasks()]
-    assert {suite: list(numbered) for suite, numbered in envs.items()} == {"all": numbers}
-    env = envs["all"][get_task("lift_ball").spec.id]
+    assert {suite: len(numbered) for suite, numbered in envs.items()} == {"all": len(list_tasks())}
+    env = envs["all"][0]
     assert env.num_envs == 2
     assert env.single_observation_space["pixels"]["front"].shape == (128, 128, 3)
     config = HubEnvConfig(task="lift_ball,push_box", hub_path=f"someone/bimanual@{COMMIT}")
