@@ -93,18 +93,12 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     if any(view.remark for view in views):
         return NOT_REPLAYED
     for view in views:
-        made = view.provenance
-        if (
-            made is not None
-            and made.view == "keyframes"
-            and made.settings["depth"]
-            and "peract2" in entries(GROUP)
-        ):
+        settings = view.provenance.settings if view.provenance and view.provenance.view == "keyframes" else {}
+        if settings.get("depth") and "peract2" in entries(GROUP):
             recipe = Recipe.find("peract2", "small").file
-            dataset = (f"--dataset.repo_id={made.settings['repo_id']}", f"--dataset.root={view.root}")
-            show_next(
-                "lerobot-bimanual-train", f"--config_path={recipe}", *dataset, "--output_dir=outputs/peract2"
-            )
+            repo_id = settings.get("repo_id", f"local/{view.root.name}")
+            flags = (f"--config_path={recipe}", f"--dataset.repo_id={repo_id}", f"--dataset.root={view.root}")
+            show_next("lerobot-bimanual-train", *flags, "--output_dir=outputs/peract2")
     return PASSED
 
 
