@@ -1,5 +1,6 @@
 """A generated dataset passes every check, and each corruption is found by the check that is meant for it."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -101,10 +102,11 @@ def test_a_link_is_told_and_nothing_behind_it_is_read(copy) -> None:
 
 def test_a_generated_dataset_passes(generated, capsys) -> None:
     assert dataset_verify(DatasetVerifyConfig(root=generated, render="2", workers=1)) == 0
-    printed = capsys.readouterr().out
+    printed, said = capsys.readouterr()
     assert "not replayed" not in printed
     for check in ("replay", "rendered RGB", "rendered depth"):
         assert check in printed
+    assert re.search(rf"next: .*peract2/recipes/small.yaml .* --dataset.root={generated}/keyframes ", said)
 
 
 def test_the_command_fails_and_says_where(generated, tmp_path, capsys) -> None:

@@ -94,7 +94,7 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
         return NOT_REPLAYED
     for view in views:
         settings = view.provenance.settings if view.provenance and view.provenance.view == "keyframes" else {}
-        if settings.get("depth") and "peract2" in entries(GROUP):
+        if settings and settings.get("depth") is not False and "peract2" in entries(GROUP):
             recipe = Recipe.find("peract2", "small").file
             repo_id = settings.get("repo_id", f"local/{view.root.name}")
             flags = (f"--config_path={recipe}", f"--dataset.repo_id={repo_id}", f"--dataset.root={view.root}")
