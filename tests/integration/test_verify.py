@@ -1,6 +1,5 @@
 """A generated dataset passes every check, and each corruption is found by the check that is meant for it."""
 
-import re
 import shutil
 from pathlib import Path
 
