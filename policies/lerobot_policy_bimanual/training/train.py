@@ -85,8 +85,12 @@ class AcceleratorWithMemory:
 
     def _accelerator(self) -> Accelerator:
         if self._made is None:
+            # LeRobot first uses it just before it adds its own handler, when a message of a library adds another.
+            root = logging.getLogger()
+            handlers = [*root.handlers]
             check_training(self._cfg)
             self._made = self._make()
+            root.handlers = handlers
         return self._made
 
     def __getattr__(self, name: str) -> Any:
