@@ -57,9 +57,13 @@ def _results() -> str:
     scored = board[board.drop(columns="policy").ne(ABSENT).any(axis=1)]
     is_policy = scored.policy.str.startswith("`")
     shown = scored.where(is_policy, scored.replace(r" \(.*", "", regex=True))
-    rows = [[*shown], ["---"] * len(shown.columns), *shown.values.tolist()]
-    table = "\n".join(f"|{'|'.join(row)}|" for row in rows)  # without the padding of `markdown_table`
-    return table.replace("% to ", "-").replace("%", "")
+    return _unpadded(shown).replace("% to ", "-").replace("%", "")
+
+
+def _unpadded(table: pd.DataFrame) -> str:
+    """A table in Markdown, without the padding of `markdown_table`."""
+    rows = [[*table], ["---"] * len(table.columns), *table.values.tolist()]
+    return "\n".join(f"|{'|'.join(row)}|" for row in rows)
 
 
 def _beside_the_paper() -> str:
@@ -89,7 +93,7 @@ def _ablation() -> str:
         words = (f"{name.removeprefix('policy.')}={json.dumps(value)}" for name, value in flags.items())
         rows["nothing"][task] = f"{before.successes}"
         rows.setdefault(f"`{' '.join(words)}`", {})[task] = f"{now.successes} ({both.p_value:.2g})"
-    return markdown_table(pd.DataFrame(rows).T.rename_axis("changed").reset_index())
+    return _unpadded(pd.DataFrame(rows).T.rename_axis("changed").reset_index())
 
 
 def _tasks() -> str:

@@ -58,26 +58,26 @@ def _evaluate(values: Mapping[str, str]) -> None:
     checkpoint = Path(values["policy.path"])  # of the command line or of the file `--config_path`
     if not is_trusted(sys.orig_argv):
         require_safe(checkpoint)
-    learned = _learned_from(checkpoint) if values.get("env.type") == "bimanual" else ""
+    learned = _learned_from(checkpoint) if values.get("env.type") == "bimanual" else []
     size = f"--env.image_size={EnvOptions(image_size=values.get('env.image_size', EnvOptions.image_size)).image_size}"
-    if "--env.image_size=" in learned and size not in learned.split():
-        logger.warning("the policy learned with %s, but is scored with %s", learned, size)
+    if size not in learned and any(flag.startswith("--env.image_size=") for flag in learned):
+        logger.warning("the policy learned with %s, but is scored with %s", " ".join(learned), size)
     try:
         lerobot_eval.main()
     except RuntimeError as error:
         if not learned or "size mismatch" not in str(error):
             raise
-        raise BimanualError(f"the policy does not fit: it learned with {learned}") from error
+        raise BimanualError(f"the policy does not fit: it learned with {' '.join(learned)}") from error
 
 
-def _learned_from(checkpoint: Path) -> str:
+def _learned_from(checkpoint: Path) -> list[str]:
     """Flags of the environment whose images and actions a checkpoint learned from, as far as its config says so."""
     config = read_json(checkpoint / CONFIG_FILE) if (checkpoint / CONFIG_FILE).is_file() else {}
     images = [
         each for key, each in (config.get("input_features") or {}).items() if key.startswith(IMAGE_PREFIX)
     ]
     sizes = [EnvOptions(image_size="{}x{}".format(*each["shape"][-2:])).image_size for each in images]
-    flags = [f"--env.image_size={size}" for size in dict.fromkeys(sizes)]
     (length,) = (config.get("output_features") or {}).get(ACTION, {"shape": [0]})["shape"]
     modes = {KEYPOSE_DIM: "keypose", JOINT_ACTION_DIM: "joint"}
-    return " ".join([*flags, *([f"--env.control_mode={modes[length]}"] if length in modes else [])])
+    flags = [f"--env.image_size={size}" for size in dict.fromkeys(sizes)]
+    return [*flags, f"--env.control_mode={modes[length]}"] if length in modes else flags

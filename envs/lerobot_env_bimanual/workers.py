@@ -5,9 +5,14 @@ Ctrl-C to its parent, and ends when its parent does. Where a worker dies, all it
 one by one, so that the one that kills its worker is known and named.
 """
 
+import atexit
 import multiprocessing
 import os
+import re
+import select
 import signal
+import socket
+import sys
 import sysconfig
 import threading
 import traceback
@@ -15,7 +20,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, suppress
 from multiprocessing import connection, forkserver
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -23,12 +28,17 @@ from typing import Any, Self
 
 from tqdm import tqdm
 
+import lerobot_bimanual
 from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import worker_count
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
+
+PACKAGES = (Path(__file__).parent, Path(lerobot_bimanual.__file__).parent)
+LIBRARIES = (*map(str, PACKAGES), *map(sysconfig.get_path, ("stdlib", "purelib")))
+"""Where code lies that no author of a task has written."""
 
 DEATH = (
     "its worker process died, also when it was tried alone: mostly for want of memory, then repeat the command with fewer "
@@ -197,6 +207,39 @@ def end_with_parent() -> None:
     threading.Thread(target=await_end, daemon=True).start()
 
 
+def _prepare_fork_server() -> None:
+    """In the process that workers are forked from: have it end with its parent, also amid its imports, which may take long.
+
+    It takes along the socket of `multiprocessing`, which a killed parent cannot remove.
+    """
+    command = "".join(sys.orig_argv[-1:])
+    found = re.match(r"from multiprocessing\.forkserver import main; main\((\d+), (\d+)", command)
+    if found is None or forkserver.get_inherited_fds() is not None:  # in another process, or a worker
+        return
+    listener, alive = map(int, found.groups())
+    with socket.socket(fileno=os.dup(listener)) as copy:
+        address = Path(str(copy.getsockname()))
+    parent = os.getppid()
+
+    def remove_socket() -> None:
+        with suppress(OSError):
+            address.unlink()
+            address.parent.rmdir()
+
+    def end_if_alone(*_: object) -> None:
+        if os.getppid() != parent or select.select([alive], [], [], 0)[0]:
+            remove_socket()
+            os._exit(0)
+
+    atexit.register(remove_socket)
+    signal.signal(signal.SIGUSR2, end_if_alone)
+    end_when_parent_ends(signal.SIGUSR2, parent)
+    end_if_alone()  # from the beginning
+
+
+_prepare_fork_server()
+
+
 def end_of(process: BaseProcess) -> str:
     """How a process ended that is ending, in words."""
     process.join()
@@ -208,10 +251,9 @@ def told(error: BaseException) -> BimanualError:
     """An exception as an error that can travel between processes, with its traceback as a note."""
     if not isinstance(error, BimanualError):
         frames = traceback.extract_tb(error.__traceback__)
-        # Of a task the author is told the line of the task's file.
-        known = (str(Path(__file__).parent), *map(sysconfig.get_path, ("stdlib", "purelib")))
+        # Of a task, whichever package calls it, the author is told the line of the task's file.
         of_task = [
-            each for each in frames if "/tasks/" in each.filename or not each.filename.startswith(known)
+            each for each in frames if "/tasks/" in each.filename or not each.filename.startswith(LIBRARIES)
         ]
         place = [f" ({Path(each.filename).name}, line {each.lineno})" for each in of_task[-1:] or frames[-1:]]
         text = f"unexpected {type(error).__name__}: {error}{''.join(place)}"

@@ -80,6 +80,7 @@ def test_a_policy_that_remembers_is_reset_and_a_named_evaluation_goes_on_where_i
     [
         ({"seeds": ()}, "seeds is 0"),
         ({"seeds": 5}, r"seeds is 5, but must be integers, such as range\(50\)"),
+        ({"seeds": [None]}, r"seeds is \[None\], but must be integers"),
         ({"seeds": [0.5]}, "seed is 0.5, but must be None or an integer"),
         ({"environments": 0}, "is 0"),
         ({"keys": "hf"}, "gymnasium, lerobot"),

@@ -22,6 +22,8 @@ with WorkerPool(2) as pool:
     for _ in pool.map(time.sleep, [0, {FOREVER_S}, {FOREVER_S}], "sleeping", "night"):
         print("running", flush=True)
 """
+STARTING = BUSY.replace("WorkerPool(2)", "WorkerPool(2, preload=['slow'])")
+SLOW = f"import time; print('importing', flush=True); time.sleep({FOREVER_S})"
 
 
 def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(tmp_path) -> None:
@@ -47,6 +49,7 @@ def test_an_error_comes_home_as_it_was_raised_and_whatever_else_goes_wrong_in_wo
     for function, error, complaint in (
         (get_task, InvalidChoice, "task is '7'"),
         (jobs.raise_unportable, WorkFailed, r"7: unexpected Unportable: two numbers \(worker_jobs.py, line"),
+        (jobs.misspell_a_prop, WorkFailed, r"7: unexpected KeyError: .*'bal'.* \(worker_jobs.py, line"),
         (jobs.result_without_a_pickle, WorkFailed, "7: unexpected .*pickle"),
     ):
         with pytest.raises(error, match=complaint) as raised, WorkerPool(1) as pool:
@@ -63,12 +66,18 @@ def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
-def test_workers_end_with_their_parent_however_that_ends(end: signal.Signals) -> None:
+@pytest.mark.parametrize("program", [BUSY, STARTING])
+def test_workers_end_with_their_parent_however_that_ends_and_leave_nothing(
+    program: str, end: signal.Signals, tmp_path
+) -> None:
+    (tmp_path / "slow.py").write_text(SLOW)
+    (tmp_path / "tmp").mkdir()
     parent = subprocess.Popen(
-        [sys.executable, "-c", BUSY],
+        [sys.executable, "-c", program],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        env=os.environ | {"TMPDIR": str(tmp_path / "tmp"), "PYTHONPATH": str(tmp_path)},
     )
     assert parent.stdout is not None
     parent.stdout.readline()
@@ -76,3 +85,4 @@ def test_workers_end_with_their_parent_however_that_ends(end: signal.Signals) ->
     parent.wait()
     while jobs.processes_of(parent.pid):
         time.sleep(0.1)
+    assert [*(tmp_path / "tmp").iterdir()] == []

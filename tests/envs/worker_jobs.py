@@ -6,6 +6,8 @@ import signal
 import time
 from pathlib import Path
 
+from lerobot_env_bimanual import BimanualEnv
+
 OBSTINATE = "obstinate"
 
 
@@ -29,6 +31,10 @@ def double_or_die(word: str) -> str:
 
 def raise_unportable(_: str) -> None:
     raise Unportable(1, 2)
+
+
+def misspell_a_prop(_: str) -> None:
+    BimanualEnv("lift_ball").scene.pose("bal")
 
 
 def result_without_a_pickle(_: str) -> object:

@@ -31,9 +31,7 @@ def test_the_readme_is_at_most_six_kilobytes_and_the_pages_are_short() -> None:
 def _words(page: Path) -> int:
     """Words of a page; in one that a command writes whole, rows of tables are figures to look up, and not counted."""
     text = page.read_text(encoding="utf-8")
-    return len(
-        (re.sub(r"(?m)^\|.*", "", text) if "; do not edit." in text else text.replace("|", " ")).split()
-    )
+    return len((re.sub(r"(?m)^\|.*", "", text) if "; do not edit." in text else text).split())
 
 
 def test_every_page_is_in_the_navigation_of_the_site() -> None:

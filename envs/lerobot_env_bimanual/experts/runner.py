@@ -80,12 +80,14 @@ def replanning(codec: KeyposeCodec | None = None) -> Player:
     script = expert(codec)
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        seen = -1
-        while seen != (seen := env.progress.disturbances):
+        while True:
+            seen = env.progress.disturbances
             for move in script(env):
                 yield move
                 if env.progress.disturbances != seen:
                     break
+            else:
+                return
 
     return play
 

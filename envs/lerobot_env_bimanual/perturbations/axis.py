@@ -87,7 +87,8 @@ class Axis[Memory]:
         look: the appearance of an episode, given the appearance that the axes before have made.
         see: the image that a camera, given by name, hands out; the image may be changed in place.
         command: the joint action that the arms are given; the action must not be changed in place.
-        disturb: changes the world after a tick. Keyposes and the joint actions that execute them meet the same changes.
+        disturb: changes the world after a tick, and counts in `progress.disturbances` when it has moved things. Keyposes and
+            the joint actions that execute them meet the same changes.
         late_ticks: ticks by which, at a magnitude, commands of a keypose's motion arrive late; its end is waited for.
     """
 

@@ -19,6 +19,7 @@ from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationHead, EvaluationRecord, eval_key, result_versions
 from lerobot_bimanual.results.journal import Journal
 from lerobot_bimanual.results.record import BadRecord, Record
+from lerobot_env_bimanual.experts.runner import OUT_OF_TIME
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.vector.episode_recorder import PLAYED
@@ -246,7 +247,7 @@ class EvaluationLog:
         for index in sorted(self._running):
             if is_over[index]:
                 self._running.remove(index)
-                episode = info[PLAYED][index]
+                episode = info[PLAYED][index] if PLAYED in info else _episode(info, index)
                 if self._kept is not None:
                     self._kept.add(episode)
                 self._count(episode)
@@ -285,3 +286,11 @@ def summary(episodes: Sequence[Episode]) -> str:
     reasons = ", ".join(f"{count} x {reason}" for reason, count in failures.most_common(MAX_REASONS))
     solved = sum(episode.success for episode in episodes)
     return f"{solved} of {len(episodes)} episodes solved{reasons and f' ({reasons})'}"
+
+
+def _episode(info: Mapping[str, Any], index: int) -> Episode:
+    """The episode that an environment without a recorder has ended."""
+    success = bool(info["is_success"][index])
+    failure = None if success else str(info["failure"][index] or OUT_OF_TIME)
+    seed, ticks = (int(info[name][index]) for name in ("seed", "ticks"))
+    return Episode(seed=seed, success=success, failure=failure, ticks=ticks)

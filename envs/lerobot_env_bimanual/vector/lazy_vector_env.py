@@ -76,10 +76,11 @@ class _InWorker(gym.Wrapper):
             raise CarriedError(told(error)) from error
 
 
-def _make(make_env: Callable[[], BimanualEnv], in_worker: bool) -> gym.Env:
+def _make(make_env: Callable[[], BimanualEnv], recorded: bool, in_worker: bool) -> gym.Env:
     if in_worker:
         end_with_parent()
-    held = HoldAfterDone(EpisodeRecorder(make_env()))
+    env = make_env()
+    held = HoldAfterDone(EpisodeRecorder(env) if recorded else env)
     return _InWorker(held) if in_worker else held
 
 
@@ -135,7 +136,8 @@ class LazyVectorEnv(VectorEnv):
         evaluation: Evaluation | None = None,
         results_dir: str | None = None,
     ):
-        self._make_envs = [partial(_make, make_env, asynchronous) for make_env in make_envs]
+        recorded = results_dir is not None
+        self._make_envs = [partial(_make, make_env, recorded, asynchronous) for make_env in make_envs]
         self._asynchronous = asynchronous
         self._running: SyncVectorEnv | AsyncVectorEnv | None = None
         self._lock = threading.Lock()

@@ -57,9 +57,9 @@ def evaluate(
             the environment takes.
     """
     checked_keys(keys)
-    if not isinstance(seeds, Iterable):
+    if not isinstance(seeds, Iterable) or None in (seeds := [*seeds]):
         raise InvalidChoice("seeds", seeds, "integers, such as range(50)")
-    wanted = sorted({int(checked_seed(seed) or 0) for seed in seeds})
+    wanted = sorted({seed for each in seeds if (seed := checked_seed(each)) is not None})
     check_range("the number of seeds", len(wanted), 1)
     check_range("environments", environments, 1)
     reset, act = getattr(policy, "reset", None), getattr(policy, "select_action", policy)
