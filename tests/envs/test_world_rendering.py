@@ -23,6 +23,7 @@ from lerobot_env_bimanual.gl import MissingGL, mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.rendering.film import frame_of
+from lerobot_env_bimanual.robots.panda_looks import COARSE, FINE
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
@@ -82,15 +83,20 @@ def test_depth_equals_rays_cast_through_the_pixel_centres(scene, images, camera)
     points = unproject(images[camera][1], intrinsics[camera], extrinsics[camera])
     origin = extrinsics[camera][:3, 3].astype(np.float64)
     rng = np.random.default_rng(0)
+    drawn = mujoco.MjvOption().geomgroup
+    drawn[[COARSE, FINE]] = True, False  # in images of this size
     errors = []
     for row, column in rng.integers(0, SIZE, (60, 2)):
         ray = points[row, column] - origin
         length = np.linalg.norm(ray)
-        hit = mujoco.mj_ray(scene.model, scene.data, origin, ray / length, None, 1, -1, np.zeros(1, np.int32))
+        hit = mujoco.mj_ray(
+            scene.model, scene.data, origin, ray / length, drawn, 1, -1, np.zeros(1, np.int32)
+        )
         if hit > 0:
             errors.append(abs(hit - length))
     assert len(errors) > 20
-    assert np.median(errors) < 2e-4  # silhouettes of faceted round shapes may differ more
+    assert np.quantile(errors, 0.85) < 2e-4
+    assert max(errors) < 0.02  # at silhouettes of round shapes, which are drawn with facets
 
 
 @pytest.mark.parametrize("camera", FIXED)
