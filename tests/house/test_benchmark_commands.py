@@ -87,10 +87,10 @@ def test_several_policies_and_tasks_are_benchmarks_of_which_a_failure_stops_no_o
 
 def test_numbers_and_further_flags_that_are_given_win_over_recipe_and_protocol():
     flags = "--policy.n_heads=1 --policy.tags='[\"a b\"]'"
-    settings = resolve(BenchmarkConfig(steps=7, image_size=32, policy="act", train_flags=flags))
-    assert (settings.steps, settings.batch_size, settings.image_size) == (7, 8, 32)
+    settings = resolve(BenchmarkConfig(steps=7, image_size=64, policy="act", train_flags=flags))
+    assert (settings.steps, settings.batch_size, settings.image_size) == (7, 32, 64)
     assert (settings.training["policy.n_heads"], settings.training["policy.tags"]) == (1, ["a b"])
-    assert "[3, 32, 32]" in str(settings.training["policy.input_features"])
+    assert "[3, 64, 64]" in str(settings.training["policy.input_features"])
 
 
 @pytest.mark.parametrize(
