@@ -228,7 +228,7 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch, monkeypatc
     policy = make_policy(augmentation=False).train()
     batch = make_batch(samples=4)
     optimizer = torch.optim.AdamW(policy.get_optim_params(), lr=5e-3)
-    for _ in range(400):
+    for _ in range(600):
         loss, _ = policy(batch)
         optimizer.zero_grad()
         loss.backward()
