@@ -201,7 +201,11 @@ def test_conditions_that_do_not_belong_together_are_refused(conditions, complain
         RobustnessResult.of(**{**dict(ROBUSTNESS), "conditions": conditions})
 
 
-def test_a_folder_of_expert_reports_holds_one_per_task(tmp_path):
+def test_a_folder_of_expert_reports_holds_one_per_task_and_not_the_nominal_world_alone(tmp_path):
+    with pytest.raises(BimanualError, match="expert evaluate --axes=all"):
+        read_expert_robustness(tmp_path)
+    nominal = EXPERT_REPORT.model_copy(update={"conditions": EXPERT_REPORT.conditions[:1]})
+    nominal.write(tmp_path / "one.json")
     with pytest.raises(BimanualError, match="expert evaluate --axes=all"):
         read_expert_robustness(tmp_path)
     for name in ("one", "other"):

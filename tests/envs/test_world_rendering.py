@@ -83,7 +83,7 @@ def test_depth_equals_rays_cast_through_the_pixel_centres(scene, images, camera)
     points = unproject(images[camera][1], intrinsics[camera], extrinsics[camera])
     origin = extrinsics[camera][:3, 3].astype(np.float64)
     rng = np.random.default_rng(0)
-    drawn = mujoco.MjvOption().geomgroup
+    drawn = mujoco.MjvOption().geomgroup.copy()
     drawn[[COARSE, FINE]] = True, False  # in images of this size
     errors = []
     for row, column in rng.integers(0, SIZE, (60, 2)):

@@ -228,12 +228,15 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch, monkeypatc
     policy = make_policy(augmentation=False).train()
     batch = make_batch(samples=4)
     optimizer = torch.optim.AdamW(policy.get_optim_params(), lr=5e-3)
+    # At a constant rate the loss of RVT-LF goes up and down about the limit, on each processor differently.
+    schedule = torch.optim.lr_scheduler.LinearLR(optimizer, 1, 0.3, total_iters=600)
     for _ in range(600):
         loss, _ = policy(batch)
         optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(policy.parameters(), 5.0)
         optimizer.step()
+        schedule.step()
         if loss < 0.01:
             break
     assert loss < 0.01
