@@ -31,6 +31,7 @@ TINY_ACT = [
     ),
 ]
 POLICIES = Path(__file__).parents[2] / "policies"
+CHUNK_ERRORS = POLICIES.parent / "scripts/chunk_errors.py"
 SHIPPED = POLICIES.parent / "results/checkpoints/peract2_on_all"
 
 
@@ -123,6 +124,9 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
     assert_equal_weights(room / f"lerobot-train-{policy}", room / f"lerobot-bimanual-train-{policy}")
     if policy == "act":
         assert evaluate("lerobot-bimanual-train-act", room)["n_episodes"] == 1
+        last = "lerobot-bimanual-train-act/checkpoints/last/pretrained_model"
+        flags = (f"--checkpoint={last}", "--root=data/frames", "--ticks=5")
+        assert "keypose arm" in run("python", str(CHUNK_ERRORS), *flags, folder=room)
     weights = (room / f"lerobot-bimanual-train-{policy}").rglob("*.safetensors")
     usual = (room / "data" / view / "meta/info.json").stat().st_mode
     assert {path.stat().st_mode for path in weights} == {usual}

@@ -1,0 +1,83 @@
+"""Print how far the hands of a policy of joint actions are from the expert's at each keypose, where a chunk of it ends there.
+
+From the frame TICKS before each keypose of each demonstration the policy predicts a chunk; its last action that counts is
+the one with which the expert reached the keypose. Demonstrations that were not trained on show what it cannot predict yet.
+Usage: chunk_errors.py --checkpoint=outputs/act/checkpoints/last/pretrained_model --root=data/val [--ticks=20]
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from lerobot.configs import PreTrainedConfig
+from lerobot.datasets import LeRobotDataset
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from lerobot.utils.collate import lerobot_collate_fn
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.dataset.schema import ACTION, KEYFRAME
+from lerobot_env_bimanual.robots.panda_pair import ArmPair
+
+Predict = Callable[[LeRobotDataset, int], NDArray[np.float64]]
+"""Of a dataset and a row: the chunk (n, 16) of joint actions that a policy predicts there."""
+
+
+def main() -> None:
+    """Print the table of one policy and one dataset."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--checkpoint", type=Path, required=True, help="folder pretrained_model")
+    parser.add_argument("--root", type=Path, required=True, help="dataset of one task, view `frames`")
+    parser.add_argument("--ticks", type=int, default=20, help="from the prediction to the keypose, of 50 ms")
+    options = parser.parse_args()
+    dataset = LeRobotDataset(f"local/{options.root.name}", root=options.root, video_backend="pyav")
+    errors = pd.DataFrame(measure(policy(options.checkpoint), dataset, options.ticks))
+    print(errors.groupby(["keypose", "arm"]).cm.describe(percentiles=[0.5, 0.9]).round(1).to_string())
+
+
+def policy(checkpoint: Path) -> Predict:
+    """The chunks of a policy that LeRobot knows."""
+    config = PreTrainedConfig.from_pretrained(checkpoint)
+    network = get_policy_class(config.type).from_pretrained(checkpoint, config=config).eval()
+    preprocess, postprocess = make_pre_post_processors(config, pretrained_path=str(checkpoint))
+
+    @torch.no_grad()
+    def predict(dataset: LeRobotDataset, row: int) -> NDArray[np.float64]:
+        rows: list[Any] = [dataset[row]]
+        batch: Any = lerobot_collate_fn(rows)
+        del batch[ACTION]
+        return postprocess(network.predict_action_chunk(preprocess(batch)))[0].double().numpy()
+
+    return predict
+
+
+def measure(predict: Predict, dataset: LeRobotDataset, ticks: int) -> Iterator[dict[str, Any]]:
+    """Of each demonstration, keypose (from 1) and arm the distance in cm; keyposes sooner than TICKS after the start have none."""
+    columns = dataset.hf_dataset.with_format("numpy")[:]
+    episodes, actions = columns["episode_index"], np.stack(columns[ACTION]).astype(np.float64)
+    for reached in tqdm(np.flatnonzero(columns[KEYFRAME]), desc="predicting", unit="keypose"):
+        first, start = np.searchsorted(episodes, episodes[reached]), reached - ticks
+        if start < first:
+            continue
+        found, true = predict(dataset, int(start))[ticks - 1], actions[reached - 1]
+        keypose = int(np.count_nonzero(columns[KEYFRAME][first + 1 : reached + 1]))
+        for arm in ARMS:
+            offset = hand(found, arm) - hand(true, arm)
+            yield {"keypose": keypose, "arm": str(arm), "cm": 100 * np.linalg.norm(offset)}
+
+
+def hand(action: NDArray[np.float64], arm: Arm) -> NDArray[np.float64]:
+    """Place (3,) in metres of the arm's hand, world frame, where a joint action (16,) sends it."""
+    joints = action.reshape(len(ARMS), -1)[arm.ordinal, :JOINTS_PER_ARM]
+    return ArmPair().kinematics[arm].pose(joints).position
+
+
+if __name__ == "__main__":
+    main()
