@@ -24,11 +24,7 @@ class BimanualError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel between processes as a message; by default an error is made again from its constructor's arguments."""
-        return _from_message, (type(self), self.args), vars(self)
-
-
-def _from_message(kind: type[BimanualError], args: tuple[Any, ...]) -> BimanualError:
-    return kind.__new__(kind, *args)
+        return type(self).__new__, (type(self), *self.args), vars(self)
 
 
 def plain(text: object, limit: int = MAX_TEXT) -> str:
