@@ -7,7 +7,6 @@ always validated at huggingface.co, so its push to another Hub ends after the up
 """
 
 import contextlib
-from collections.abc import Iterator
 from http import HTTPStatus
 from pathlib import Path
 
@@ -63,7 +62,7 @@ def push_dataset(root: Path, repo_id: str, *, private: bool = False, branch: str
     if get_token() is None:
         raise BimanualError("not logged in to the Hugging Face Hub; run `hf auth login`, or set HF_TOKEN")
     hub = HfApi()
-    with _plain_errors(repo_id):
+    try:
         hub.create_repo(repo_id, repo_type="dataset", private=private or None, exist_ok=True)
         write_card(root, repo_id)
         write_checksums(root)
@@ -83,6 +82,14 @@ def push_dataset(root: Path, repo_id: str, *, private: bool = False, branch: str
             with contextlib.suppress(errors.RevisionNotFoundError):
                 hub.delete_tag(repo_id, tag=version, repo_type="dataset")
             hub.create_tag(repo_id, tag=version, repo_type="dataset")
+    except errors.OfflineModeIsEnabled as error:
+        raise BimanualError("HF_HUB_OFFLINE is set, so the Hub is out of reach; unset it to push") from error
+    except errors.HfHubHTTPError as error:
+        status = error.response.status_code
+        reason = REASONS.get(status) or error.server_message or error
+        raise BimanualError(f"the Hub refused the push to {repo_id}: {reason}") from error
+    except TransportError as error:
+        raise BimanualError(f"cannot reach {constants.ENDPOINT}: {error}") from error
     return f"{constants.ENDPOINT}/datasets/{repo_id}" + (f"/tree/{branch}" if branch else "")
 
 
@@ -103,18 +110,3 @@ def _check_pushable(root: Path) -> None:
             f"{root} is not the dataset that was made there: {problem}. What goes onto the Hub should be whole: restore "
             "it, or generate it again"
         )
-
-
-@contextlib.contextmanager
-def _plain_errors(repo_id: str) -> Iterator[None]:
-    """Turn every refusal of the Hub and of the network into one clear message."""
-    try:
-        yield
-    except errors.OfflineModeIsEnabled as error:
-        raise BimanualError("HF_HUB_OFFLINE is set, so the Hub is out of reach; unset it to push") from error
-    except errors.HfHubHTTPError as error:
-        status = error.response.status_code
-        reason = REASONS.get(status) or error.server_message or error
-        raise BimanualError(f"the Hub refused the push to {repo_id}: {reason}") from error
-    except TransportError as error:
-        raise BimanualError(f"cannot reach {constants.ENDPOINT}: {error}") from error
