@@ -8,8 +8,6 @@ from lerobot_bimanual.files import read_yaml
 
 TRUST_FLAG, KEEP_FLAG = "trust_checkpoint", "keep_last"
 """Flags that LeRobot does not know: load what a checkpoint names without a check; of a training, how many checkpoints are kept."""
-OF_CHOICES = ("type", "path")
-"""Flags of every config that has several kinds, such as `--policy.type`."""
 
 
 def flag_values(words: Sequence[str]) -> dict[str, str]:
@@ -47,7 +45,7 @@ def _assignments(words: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _of_file(place: str) -> dict[str, str]:
-    """Kinds and paths that a config file names; a name on the Hub is LeRobot's matter."""
+    """Kinds and paths that a config file names, as of `--policy.type`; a name on the Hub is LeRobot's matter."""
     path = Path(place)
     if path.suffix not in (".yaml", ".yml", ".json"):
         return {}
@@ -56,6 +54,6 @@ def _of_file(place: str) -> dict[str, str]:
     return {
         f"{name}.{key}": str(part[key])
         for name, part in sections.items()
-        for key in OF_CHOICES
+        for key in ("type", "path")
         if isinstance(part, dict) and part.get(key)
     }

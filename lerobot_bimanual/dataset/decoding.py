@@ -18,7 +18,6 @@ from PIL import Image
 from lerobot_bimanual.dataset import reader
 from lerobot_bimanual.errors import DatasetError
 
-DEPTH_CODES = 2**12
 MAX_SIDE = 2**13
 """Pixels; no dataset of ours has larger images."""
 
@@ -120,7 +119,7 @@ class ImageReader:
 
         info = self._images[key]["info"]
         options = {name: info.get(f"video.{name}") for name in ("depth_min", "depth_max", "shift", "use_log")}
-        codes = np.arange(DEPTH_CODES, dtype=np.uint16)[None]
+        codes = np.arange(2**12, dtype=np.uint16)[None]
         return np.asarray(dequantize_depth(codes, output_tensor=False, **options), np.uint16).ravel()
 
 

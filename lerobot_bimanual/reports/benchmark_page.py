@@ -21,7 +21,6 @@ from lerobot_bimanual.results.protocols import OWN, PROTOCOLS
 from lerobot_bimanual.results.record import result_paths
 from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
 
-NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
 
 
@@ -169,7 +168,7 @@ def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Map
             "steps": each.config.steps,
             "minutes": each.training_seconds / 60,
             "machine": each.machine.gpu or f"{each.machine.cpus} cores",
-            "beyond the recipe": beyond.get(path, NOT_INSTALLED),
+            "beyond the recipe": beyond.get(path, "its recipe is not installed here"),
         }
         for path, each in results
     )

@@ -16,7 +16,6 @@ from lerobot_bimanual.results.statistics import SuccessRate
 
 MIN_EXPERT_RATE = 0.97
 """Of a valid condition; where the expert solves less, a failure of a policy says nothing about the policy."""
-NOMINAL = "nominal"
 
 type ConditionKey = tuple[str, int]
 """Axis and level of a condition; ("", 0) in the nominal world."""
@@ -189,7 +188,7 @@ def is_valid(expert: SuccessRate) -> bool:
 
 def condition_name(axis: str, level: int) -> str:
     """A condition as `--env.perturb` takes it, or "nominal"."""
-    return perturb_text(axis, level) or NOMINAL
+    return perturb_text(axis, level) or "nominal"
 
 
 def perturb_text(axis: str, level: int) -> str:
