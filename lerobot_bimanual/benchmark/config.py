@@ -193,7 +193,7 @@ def _by_protocol(config: BenchmarkConfig) -> dict[str, Any]:
     if not re.fullmatch("any|[0-9]{1,4}", flags["variation"]):
         raise InvalidChoice("variation", flags["variation"], "an index of up to four digits, or any")
     flags["variation"] = re.sub("^0+(?=[0-9])", "", flags["variation"])
-    flags |= {each: levels_text(parse_levels(flags[each])) for each in ("perturb", "demos_perturb")}
+    flags |= {each: levels_text(parse_levels(flags[each], each)) for each in ("perturb", "demos_perturb")}
     flags["trained_on"] = "" if flags["trained_on"] == task else flags["trained_on"]
     for each, value in fixed.items():
         if name != OWN and flags[each] != value:

@@ -56,9 +56,12 @@ class Journal[Entry: Record]:
     def restart(self, header: str) -> None:
         """Forget what is there, and begin with another header."""
         self.header, self._lines = header, []
-        self._file.truncate(0)
+        try:
+            self._file.truncate(0)
+            bring_to_disk(self.path.parent)
+        except OSError as error:
+            raise UnwritableOutput(self.path, error.strerror or str(error)) from error
         self._append(header)
-        bring_to_disk(self.path.parent)
 
     def add(self, entry: Entry) -> None:
         """Keep an entry; it is on the disk afterwards, or an UnwritableOutput is raised."""

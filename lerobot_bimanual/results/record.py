@@ -83,7 +83,11 @@ def require(holds: object, rule: str) -> None:
 
 def _sentence(error: ValidationError, name: str) -> str:
     """First problem of a validation, with its field and value, and the number of further problems."""
-    first, more = error.errors(include_url=False)[0], error.error_count() - 1
+    # Where a default depends on a field that is wrong, pydantic reports it as well.
+    problems = [
+        each for each in error.errors(include_url=False) if each["type"] != "default_factory_not_called"
+    ]
+    first, more = problems[0], len(problems) - 1
     place = plain(".".join(map(str, first["loc"])) or name)
     got = shown(first["input"])
     problem = first["msg"].removeprefix("Value error, ")
