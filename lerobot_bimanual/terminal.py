@@ -52,4 +52,4 @@ def show_next(*words: object) -> None:
 
     It goes to stderr, because programs may read what a command prints.
     """
-    print(f"next: {shlex.join(map(str, words))}", file=sys.stderr)
+    print(plain(f"next: {shlex.join(map(str, words))}", MAX_MESSAGE), file=sys.stderr)

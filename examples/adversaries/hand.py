@@ -61,12 +61,12 @@ class Hand:
         self._own[-1] = opening
         yield from self.hold(ticks)
 
-    def go(self, pose: Pose, speed_rad_s: float = JOINT_SPEED_RAD_S, which: int = 0) -> Moves:
+    def go(self, pose: Pose, which: int = 0) -> Moves:
         """To a pose by the shortest way of the joints."""
         goals = goal_postures(self.kinematics, self.joints, pose.matrix)
         if not goals:
             raise OutOfReach(f"{pose.position.round(3)}")
-        yield from self.follow(goals[min(which, len(goals) - 1)][None], speed_rad_s)
+        yield from self.follow(goals[min(which, len(goals) - 1)][None])
 
     def line(self, pose: Pose, speed_m_s: float = 0.5) -> Moves:
         """To a pose in a straight line, where there is one."""
@@ -75,14 +75,14 @@ class Hand:
             yield from self.go(pose)
             return
         way_m = float(np.linalg.norm(pose.position - self.commanded.position))
-        yield from self.follow(line, JOINT_SPEED_RAD_S, way_m / speed_m_s)
+        yield from self.follow(line, way_m / speed_m_s)
 
-    def follow(self, knots: NDArray, speed_rad_s: float, least_s: float = 0.0) -> Moves:
+    def follow(self, knots: NDArray, least_s: float = 0.0) -> Moves:
         """Through joints (n, 7) with a smooth start and end, and wait until the arm has caught up."""
         path = np.vstack([self.joints, knots])
         steps = np.abs(np.diff(path, axis=0)).max(axis=1)
         shares = np.append(0.0, np.cumsum(steps)) / max(steps.sum(), 1e-9)
-        ticks = int(np.ceil(SLOWER * max(steps.sum() / speed_rad_s, least_s) / TICK_S))
+        ticks = int(np.ceil(SLOWER * max(steps.sum() / JOINT_SPEED_RAD_S, least_s) / TICK_S))
         times = np.arange(1, ticks + 1) / max(ticks, 1)
         for share in times**2 * (3 - 2 * times):
             yield self.tick([np.interp(share, shares, column) for column in path.T])

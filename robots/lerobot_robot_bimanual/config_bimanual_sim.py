@@ -32,7 +32,8 @@ class BimanualSimConfig(EnvOptions, RobotConfig):
         from lerobot_env_bimanual.tasks.registry import get_task
 
         get_task(self.task).spec.variation_index(self.variation)
-        checked_seed(self.seed)
+        if checked_seed(self.seed) is None:
+            raise InvalidChoice("seed", None, "an integer from 0 to 2**63 - 1")
         EnvOptions.__post_init__(self)
         if self.control_mode == "keypose":
             raise InvalidChoice("control_mode of a robot", self.control_mode, ["auto", "joint"])

@@ -23,6 +23,7 @@ from lerobot_bimanual.reports.robustness import expert_robustness_page, print_ro
 from lerobot_bimanual.results.benchmark import Machine
 from lerobot_bimanual.results.expert_report import ExpertReport, VariationLoad
 from lerobot_bimanual.results.record import Record
+from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.reports import expert_tables
 
 EVIL = "<script>a</script> x`|\n# Injected\r\n[l](javascript:a) \x1b[2J\x9b{: onclick=a }\u202e`<img src=x onerror=a>"
@@ -155,3 +156,10 @@ def test_code_and_emphasis_stay_and_all_else_is_text_in_markdown():
     assert markdown("`camera_moved` **12** 95 % ± 1") == "`camera_moved` **12** 95 % ± 1"
     assert markdown("a|b <c> [d](e)") == "a&#124;b &#60;c&#62; &#91;d&#93;(e)"
     assert markdown("`a<b`") == "&#96;a&#60;b&#96;"
+
+
+def test_the_next_command_is_one_plain_line(capsys: pytest.CaptureFixture[str]) -> None:
+    show_next("lerobot-bimanual", "dataset", "push", f"--repo_id={EVIL}")
+    said = capsys.readouterr().err
+    check_plain(said)
+    assert said.count("\n") == 1

@@ -35,13 +35,13 @@ class Interrupted(Exception):
 class Program:
     """Evaluates like `lerobot-eval`, two environments at a time; its policy draws random numbers."""
 
-    def __init__(self, folder: Path, asynchronous=False, policy="a", seeds=SEEDS, **options):
+    def __init__(self, folder: Path | None, asynchronous=False, policy="a", seeds=SEEDS, **options):
         self.steps, self.successes = 0, []
         self._rng = np.random.default_rng(0)
         who = Evaluation({"type": policy} if policy else {}, seeds, self._state, self._set_state)
         make = partial(BimanualEnv, "lift_ball", obs="state", **options)
         self.envs = LazyVectorEnv(
-            [make] * 2, asynchronous=asynchronous, evaluation=who, results_dir=str(folder)
+            [make] * 2, asynchronous=asynchronous, evaluation=who, results_dir=folder and str(folder)
         )
 
     def run(self, steps: int = 1000) -> "Program":
@@ -104,11 +104,12 @@ def test_an_evaluation_that_ends_anywhere_leaves_the_same_record(asynchronous, u
     assert last.steps < whole.steps, "what was finished was played again"
 
 
-def test_episodes_that_fill_up_the_last_batch_are_neither_played_nor_recorded(undisturbed, tmp_path, caplog):
+@pytest.mark.parametrize("kept", [True, False])
+def test_episodes_that_fill_up_the_last_batch_are_not_played(kept, undisturbed, tmp_path, caplog):
     record = EvaluationRecord.from_json(undisturbed[0])
     assert [episode.seed for episode in record.episodes] == [*SEEDS]
     with caplog.at_level(logging.INFO):
-        Program(tmp_path, video_dir=str(tmp_path / "films")).run()
+        Program(tmp_path if kept else None, video_dir=str(tmp_path / "films")).run().envs.close()
     assert "0 of 5 episodes solved" in caplog.text
     films = {int(path.stem.split("seed")[1].split("_")[0]) for path in (tmp_path / "films").iterdir()}
     assert films == {episode.seed for episode in record.episodes if episode.ticks}

@@ -49,6 +49,9 @@ def test_any_callable_leaves_a_record_that_is_verified_and_diagnosed(tmp_path, c
         assert main(["results", verb, f"--results={tmp_path / 'records'}", "--workers=1"]) == 0
     told = capsys.readouterr().out
     again = {"name": "down", "environments": 2, **places, **FEW, "progress": True}
+    first = evaluate(hands_down, "handover_item", [min(SEEDS)], **again)
+    assert first.episodes == beside.episodes[:1]
+    capsys.readouterr()
     assert evaluate(hands_down, "handover_item", SEEDS, **again) == beside
     said = capsys.readouterr().err
     assert "test_record.json has are not played again" in said

@@ -14,6 +14,7 @@ from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.hub import check_repo_id
 from lerobot_bimanual.dataset.provenance import SkippedSeed
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.distributions import installed_versions
@@ -29,6 +30,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
+from lerobot_env_bimanual.generation.settings import repo_id_of
 from lerobot_env_bimanual.options import EnvOptions
 
 
@@ -76,6 +78,15 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
             observation, *_ = env.step(action)
     assert len(recorded) in items
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("folder", "repo_id"),
+    [("lift ball", "local/lift_ball"), (".x", "local/x"), ("v1--Ω", "local/v1__"), ("-", "local/dataset")],
+)
+def test_every_folder_gives_a_name_that_the_hub_allows(folder, repo_id) -> None:
+    assert repo_id_of(None, Path(folder)) == repo_id
+    check_repo_id(repo_id)
 
 
 def test_provenance_says_how_to_make_the_dataset_again(generated, small_generation) -> None:

@@ -47,7 +47,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     from lerobot_bimanual.dataset.schema import VIEWS
     from lerobot_bimanual.files import move_durably
     from lerobot_bimanual.results.record import result_paths
-    from lerobot_bimanual.terminal import show_next
+    from lerobot_bimanual.terminal import say, show_next
     from lerobot_env_bimanual.generation.build import PRELOADED
     from lerobot_env_bimanual.generation.from_results import Part, record_replays
     from lerobot_env_bimanual.generation.settings import repo_id_of
@@ -95,8 +95,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
             merge_datasets([part / view for part in parts], target)
             write_checksums(target)
         move_durably(merged, config.root)
-    for text in left_out:
-        print(f"left out: {text}")
+    say(*(f"left out: {text}" for text in left_out))
     stored = sum(len(some) for _, _, some, _ in jobs) - len(left_out)
     print(f"{config.root}: {stored} episodes")
     show_next("lerobot-bimanual", "dataset", "verify", f"--root={config.root}")

@@ -60,29 +60,28 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
         lerobot-bimanual policy robustness --checkpoint=results/checkpoints/peract2_on_all --task=handover_item_easy \
             --axes=camera_moved,mass --levels=1,3 --episodes=50 --dry_run
     """
-    from rich.console import Console
     from tqdm import tqdm
 
     from lerobot_bimanual.reports.robustness import print_robustness
     from lerobot_env_bimanual.sweep.checkpoint import require_safe
 
-    sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
+    sweep = _sweep(config)
     missing = sweep.missing()
-    console.print(
+    print(
         f"{sweep.task}: {len(sweep.conditions.axes)} axes, {len([*sweep.conditions])} conditions of {config.episodes} "
         f"episodes, {len(missing)} to be played"
     )
     if config.expert_reports is not None and sweep.expert_report is None:
-        console.print(
+        print(
             f"{config.expert_reports} holds no report of {config.task}; `expert evaluate --task={config.task} --axes=all "
             f"--output={config.expert_reports}` makes it. Until then the expert on these episodes decides"
         )
     if left_out := sweep.conditions.not_applicable:
-        console.print(f"not applicable: {', '.join(left_out)}")
+        print(f"not applicable: {', '.join(left_out)}")
     if config.dry_run:
         for axis in sweep.conditions.axes:
             levels = ", ".join(f"{axis.levels[level - 1]:g}" for level in sweep.conditions.levels)
-            console.print(f"  {axis.name}: {levels} {axis.unit}; {axis.summary}")
+            print(f"  {axis.name}: {levels} {axis.unit}; {axis.summary}")
         return
     if missing and not config.trust_checkpoint:
         require_safe(config.checkpoint)
@@ -95,7 +94,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     result = sweep.played()
     assert result is not None  # it has the nominal condition at least
     print_robustness(result)
-    console.print(f"result  {sweep.output}\nrecords {sweep.records}")
+    print(f"result  {sweep.output}\nrecords {sweep.records}")
     show_next("lerobot-bimanual", "results", "diagnose", f"--results={sweep.records}")
 
 

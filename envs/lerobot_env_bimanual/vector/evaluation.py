@@ -133,18 +133,14 @@ class KeptEpisodes:
         self._journal.add(_Entry(episode=episode, random_state=self._evaluation.random_state()))
         self.known[episode.seed] = episode
 
-    def begin(self, seeds: Mapping[int, int | None]) -> dict[int, Episode | None]:
-        """Those of a batch that are not to be played, see `EvaluationLog.begin`.
+    def begin(self, seeds: Mapping[int, int | None]) -> dict[int, Episode]:
+        """Environment -> its episode, of those of a batch that have been played before.
 
         The first batch that is played since an interruption has the random numbers that it had before.
         """
         self.open()
-        settled: dict[int, Episode | None] = {}
-        for index, seed in seeds.items():
-            if seed in self.known and self._evaluation.policy:
-                settled[index] = self.known[seed]
-            elif self._evaluation.seeds is not None and seed not in self._evaluation.seeds:
-                settled[index] = None
+        known = self.known if self._evaluation.policy else {}
+        settled = {index: known[seed] for index, seed in seeds.items() if seed in known}
         first = min((seed for seed in seeds.values() if seed is not None), default=0)
         if len(settled) < len(seeds):
             states = [entry.random_state for entry in self._interrupted if entry.episode.seed < first]
@@ -232,7 +228,11 @@ class EvaluationLog:
             Environment -> its episode, if it has been played before, or None if it only fills up the batch. Neither is to be
             played.
         """
-        settled = {} if self._kept is None else self._kept.begin(seeds)
+        wanted = self._evaluation.seeds
+        asked = {index: seed for index, seed in seeds.items() if wanted is None or seed in wanted}
+        settled: dict[int, Episode | None] = dict.fromkeys(seeds.keys() - asked.keys())
+        if self._kept is not None:
+            settled |= self._kept.begin(asked)
         self._running = (self._running - seeds.keys()) | (seeds.keys() - settled.keys())
         if self._evaluation.shows_bar and self._bar.disable:
             shown = getattr(sys.stderr, "unfiltered", sys.stderr)

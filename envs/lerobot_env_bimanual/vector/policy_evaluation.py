@@ -93,6 +93,9 @@ def evaluate(
         finally:
             envs.close()
         record = EvaluationRecord.read(path)
+        # The folder may hold further ones of the same evaluation.
+        episodes = tuple(each for each in record.episodes if each.seed in wanted)
+        record = record.model_copy(update={"episodes": episodes})
     if progress:
         tqdm.write(f"{task}: {summary(record.episodes)}", file=sys.stderr)
     return record

@@ -1,7 +1,6 @@
 """Plays an episode of a dataset again, by its expert, and compares every column of it."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,6 @@ from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.experts.recorder import Recorder, recording_options
-from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.verification.fault import Fault
 
 
@@ -36,9 +34,10 @@ class Player:
             BimanualError: it cannot be played, or is not solved.
         """
         meta, plans = stored.meta, stored.columns.get(feature_table.PLAN)
-        world = setting(dataset, "perturb", ""), setting(dataset, "setting", STANDARD)
-        options = recording_options(meta.split, dataset.cameras, image_size, *world)
-        voxels = setting(dataset, "discretise", 0)
+        made = dataset.provenance
+        assert made is not None  # otherwise nothing is played again
+        options = recording_options(meta.split, dataset.cameras, image_size, made.perturb, made.setting)
+        voxels = made.settings.get("discretise", 0)
         plan = None if plans is None else int(plans[0])
         which = meta.task, options, meta.seed, meta.variation, voxels, plan
         if self._last is None or self._last[0] != which:
@@ -57,7 +56,8 @@ def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demo
     if stored.meta.instruction != played.meta.instruction:
         yield Fault(f"the instruction is {stored.meta.instruction!r}, not {played.meta.instruction!r}")
     ticks = stored.columns[schema.TICK]
-    expected = np.array(rows_of_view(played, dataset.view, tuple(setting(dataset, "intermediate", ()))))
+    settings = {} if dataset.provenance is None else dataset.provenance.settings
+    expected = np.array(rows_of_view(played, dataset.view, settings.get("intermediate", ())))
     if not np.array_equal(ticks, expected):
         yield Fault(f"the ticks are {_short(ticks)}, not {_short(expected)}")
     rows = [row for row, tick in enumerate(ticks) if tick in expected]
@@ -71,11 +71,6 @@ def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demo
         if wrong := np.flatnonzero(differs).tolist():
             more = f" (and {len(wrong) - 1} more rows)" if len(wrong) > 1 else ""
             yield Fault(f"{key} is not what the simulation gives{more}", wrong[0])
-
-
-def setting(dataset: RecordedDataset, name: str, otherwise: Any) -> Any:
-    """What a dataset says that it was made with, or something else where it says nothing."""
-    return otherwise if dataset.provenance is None else dataset.provenance.settings.get(name, otherwise)
 
 
 def _short(ticks: np.ndarray) -> str:
