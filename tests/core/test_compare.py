@@ -89,8 +89,7 @@ def test_the_same_weights_are_not_a_second_training_but_may_score_several_tasks(
         results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
 
 
-def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "160")
+def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_path, capsys):
     for task in ("lift_ball", "push_box"):
         for policy, outcomes in (("mine", "xxxx"), ("other", "....")):
             put(tmp_path, trained(outcomes, 7, policy, task))

@@ -29,7 +29,7 @@ def run(*words: str, folder: Path, fails: bool = False, fresh: bool = False, **v
             none of ours; the seed of its hashes is then that of the other programs.
         variables: more variables of its environment.
     """
-    environment = os.environ | {"PATH": f"{BIN}:{os.environ['PATH']}", "HF_HUB_OFFLINE": "1"} | variables
+    environment = os.environ | {"PATH": f"{BIN}:{os.environ['PATH']}"} | variables
     is_script = words[0] in ("python", sys.executable)
     script = Path(words[1]) if is_script else BIN / words[0]
     if fresh or not (script.suffix == ".py" or (script.parent == BIN and script.is_file())):
@@ -43,8 +43,7 @@ def run(*words: str, folder: Path, fails: bool = False, fresh: bool = False, **v
 
 def call(words: list[str]) -> int:
     """Exit code of a program, as a chain of commands asks for it."""
-    environment = os.environ | {"HF_HUB_OFFLINE": "1"}
-    return forked(BIN / words[0], *words[1:], folder=Path.cwd(), environment=environment)[0]
+    return forked(BIN / words[0], *words[1:], folder=Path.cwd(), environment=dict(os.environ))[0]
 
 
 def forked(script: Path, *arguments: str, folder: Path, environment: dict[str, str]) -> tuple[int, str, str]:

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-import torch
 from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.policies import make_pre_post_processors
 from lerobot.policies.act.configuration_act import ACTConfig
@@ -87,7 +86,6 @@ def test_every_condition_is_of_the_same_episodes_and_its_record_is_played_again_
 @pytest.fixture
 def of_mixed_precision(tmp_path: Path) -> Path:
     """A tiny ACT whose config says that it was trained in mixed precision, as LeRobot saves it."""
-    torch.manual_seed(0)
     config = ACTConfig(
         input_features={
             "observation.images.front": PolicyFeature(FeatureType.VISUAL, (3, 64, 64)),

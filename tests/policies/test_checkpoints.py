@@ -27,7 +27,7 @@ from lerobot_policy_bimanual.inspection.loading import load_policy
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PREPROCESSOR, POSTPROCESSOR = "policy_preprocessor.json", "policy_postprocessor.json"
 BIAS = "network.stem.conv.bias"
-FRONT, WRIST = "observation.images.front", "observation.images.left_wrist"
+FRONT = "observation.images.front"
 FAR = {"type": "ACTION", "shape": [10**12]}
 FLOAT8 = torch.float8_e4m3fn
 

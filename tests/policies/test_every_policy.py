@@ -250,7 +250,6 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch, monkeypatc
 
 
 @pytest.mark.weekly
-@pytest.mark.timeout(600)
 def test_a_compiled_network_has_the_plain_losses_and_is_compiled_once(specimens, make_batch, monkeypatch):
     graphs = []
 

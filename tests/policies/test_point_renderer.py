@@ -25,11 +25,6 @@ def render(points: torch.Tensor, colours: torch.Tensor, size: int = 12, radius: 
     return render_views(points, colours, workspace=BOX, size=size, radius=radius)
 
 
-def at(*unit: float) -> torch.Tensor:
-    """The point at these fractions of the box's edges, (3, 1)."""
-    return (torch.tensor(BOX.lower) + torch.tensor(unit) * torch.tensor(BOX.size).float())[:, None]
-
-
 def look(view: str, x: float, y: float, z: float, far: float) -> tuple[float, float, float]:
     """Row, column and depth of a point in each view, spelled out; `far` is what is opposite to 0."""
     return {
