@@ -12,18 +12,6 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual import conditions
-from lerobot_env_bimanual.conditions import (
-    Above,
-    Always,
-    AtRest,
-    Condition,
-    Held,
-    Once,
-    Pressed,
-    Touched,
-    Untouched,
-    on_the_way,
-)
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
@@ -38,7 +26,7 @@ from lerobot_env_bimanual.worlds import MAX_DRAWS, EpisodeReset
 
 
 @dataclass(frozen=True)
-class When(Condition):
+class When(conditions.Condition):
     """A condition that a test decides."""
 
     label: str
@@ -64,8 +52,8 @@ def scene(compiled_scene):
 
 
 def test_above_compares_the_height_of_the_origin(scene):
-    assert Above("item", 1.199)(scene)
-    assert not Above("item", 1.201)(scene)
+    assert conditions.Above("item", 1.199)(scene)
+    assert not conditions.Above("item", 1.201)(scene)
 
 
 CENTRED = conditions.CentredOn("item", "target", 0.05)
@@ -107,47 +95,47 @@ def test_near_and_aligned_are_measured_from_where_and_how_things_were_placed(sce
 def test_conditions_on_the_way_remember_what_was(scene):
     now = {"a": False, "b": True}
     parts = tuple(When(name, lambda name=name: now[name]) for name in now)
-    once, always = Once(parts), Always(parts)
+    once, always = conditions.Once(parts), conditions.Always(parts)
     assert (once.name, always.name) == ("once(when(a) and when(b))", "always(when(a) or when(b))")
-    met = on_the_way((once, always, *parts), scene, {})
+    met = conditions.on_the_way((once, always, *parts), scene, {})
     assert met == {once.name: False, always.name: True}
     history = []
     for now["a"], now["b"] in ((True, True), (True, False), (False, False), (True, True)):
-        met = on_the_way((once, always), scene, met)
+        met = conditions.on_the_way((once, always), scene, met)
         history.append((met[once.name], met[always.name]))
     assert history == [(True, True), (True, True), (True, False), (True, False)]
 
 
 def test_at_rest_is_about_speed(scene):
-    assert AtRest("item")(scene)
+    assert conditions.AtRest("item")(scene)
     for _ in range(2):
         scene.tick(scene.commanded)
     assert scene.speed("item") > 0.3
-    assert not AtRest("item")(scene)
-    assert AtRest("item", speed_m_s=2.0)(scene)
+    assert not conditions.AtRest("item")(scene)
+    assert conditions.AtRest("item", speed_m_s=2.0)(scene)
 
 
 def test_one_finger_touches_but_does_not_hold_and_a_forearm_is_no_hand(scene):
     tcp = scene.tcp(Arm.LEFT)
     beside = tcp.position + tcp.rotation[:, 1] * 0.0205  # the pads stand 4 cm to either side
     scene.place("item", Pose.looking(beside, (0, 0, 1), tcp.rotation[:, 1]))
-    assert Touched("item", Arm.LEFT)(scene)
-    assert not Held("item", Arm.LEFT)(scene)
+    assert conditions.Touched("item", Arm.LEFT)(scene)
+    assert not conditions.Held("item", Arm.LEFT)(scene)
     assert not conditions.Unhandled(("target", "item"))(scene)
     assert conditions.Unhandled(("target",))(scene)
     geom = scene.model.body("left_link5").geomadr[0]
     scene.place("item", Pose.upright(scene.data.geom_xpos[geom]))
-    assert not Untouched("item", Arm.LEFT)(scene)
-    assert not Touched("item", Arm.LEFT)(scene)
+    assert not conditions.Untouched("item", Arm.LEFT)(scene)
+    assert not conditions.Touched("item", Arm.LEFT)(scene)
 
 
 def test_a_button_is_pressed_while_its_cap_is_down_and_springs_back():
     scene = Scene([Button("button")])
-    assert not Pressed("button")(scene)
+    assert not conditions.Pressed("button")(scene)
     scene.set_joint("button_cap", -0.0011)
-    assert Pressed("button")(scene)
+    assert conditions.Pressed("button")(scene)
     scene.settle()
-    assert not Pressed("button")(scene)
+    assert not conditions.Pressed("button")(scene)
     assert scene.joint_value("button_cap") == pytest.approx(0.0, abs=2e-4)
 
 
