@@ -49,11 +49,10 @@ def instant_placement():
 
 @pytest.fixture
 def keypose_below() -> Callable[..., np.ndarray]:
-    return _keypose_below
+    """Gives a keypose with both hands straight down from where they are."""
 
+    def keypose(env: BimanualEnv, drop_m: float = 0.1, gripper_open: bool = True) -> np.ndarray:
+        targets = [env.scene.tcp(arm).translated((0.0, 0.0, -drop_m)) for arm in ARMS]
+        return BimanualKeypose(*(Keypose(target, gripper_open, True) for target in targets)).to_vector()
 
-def _keypose_below(env: BimanualEnv, drop_m: float = 0.1, gripper_open: bool = True) -> np.ndarray:
-    """Both hands straight down from where they are."""
-    poses = [env.scene.tcp(arm) for arm in ARMS]
-    targets = [pose.translated((0.0, 0.0, -drop_m)) for pose in poses]
-    return BimanualKeypose(*(Keypose(target, gripper_open, True) for target in targets)).to_vector()
+    return keypose

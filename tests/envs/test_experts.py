@@ -1,6 +1,7 @@
 """Experts solve their episodes within the limits of load, and the baselines do not."""
 
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -31,16 +32,7 @@ TASK_NAMES = list_tasks()
 
 @pytest.fixture(scope="module")
 def env_of():
-    envs = {}
-
-    def get(name):
-        if name not in envs:
-            envs[name] = BimanualEnv(name, obs="state", split="val")
-        return envs[name]
-
-    yield get
-    for env in envs.values():
-        env.close()
+    return cache(partial(BimanualEnv, obs="state", split="val"))
 
 
 @pytest.mark.parametrize(("seed", "codec"), [(0, None), (1, KeyposeCodec()), (2, KeyposeCodec())])

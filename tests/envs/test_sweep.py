@@ -1,5 +1,6 @@
 """Sweeps: which conditions there are, who plays in them, what is refused, and how an interrupted one continues."""
 
+import contextlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -31,20 +32,14 @@ def world(task: str, perturb: str) -> str:
     return f"{task} {perturb}".encode().hex()[-12:]
 
 
-class MadeUpEvaluator:
+class MadeUpEvaluator(contextlib.nullcontext):
     """The expert fails seed 1 where all is heaviest, the open-loop baseline solves seed 0 only."""
 
     specs: list[EpisodeSpec]
     n_means = 0
 
     def __init__(self, *_: Any):
-        pass
-
-    def __enter__(self) -> "MadeUpEvaluator":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
+        super().__init__(self)
 
     def mean_keyposes(self, task: str, variation: str) -> tuple[tuple[float, ...], ...]:
         MadeUpEvaluator.n_means += 1
