@@ -27,20 +27,6 @@ from lerobot_env_bimanual.world.servo_commands import TICK_S
 TASK = "lift_ball"
 
 
-def test_a_keypose_is_the_joint_actions_that_an_observer_saw(state_env, keypose_below):
-    heard = []
-    state_env.reset(seed=1)
-    with state_env.observed_by(lambda env, action: heard.append((env.progress.ticks, action.copy()))):
-        state_env.step(keypose_below(state_env, gripper_open=False))
-    after_keypose = state_env.state_hash()
-    assert [tick for tick, _ in heard] == list(range(len(heard)))
-
-    state_env.reset(seed=1)
-    for _, action in heard:
-        state_env.step(action)
-    assert state_env.state_hash() == after_keypose
-
-
 def test_a_keypose_moves_both_hands_there_and_counts(state_env, keypose_below):
     state_env.reset(seed=1)
     target = keypose_below(state_env)
@@ -259,16 +245,13 @@ def test_a_seed_means_another_episode_in_every_split_and_setting():
     assert len(places_m) == len(SPLITS) * len(SETTINGS) == 6
 
 
-def test_variations_of_a_seed_share_no_layout_and_one_that_is_drawn_is_the_one_that_may_be_asked_for():
-    env = BimanualEnv("put_item_in_drawer", obs="state")
-    env.reset(seed=5)
-    drawn, drawn_hash, cabinets = env.variation, env.state_hash(), []
+def test_variations_of_a_seed_share_no_layout():
+    env, cabinets = BimanualEnv("put_item_in_drawer", obs="state"), set()
     for variation in range(3):
         env.reset(seed=5, options={"variation": variation})
-        cabinets.append(tuple(env.scene.pose("cabinet").position))
-        assert (env.state_hash() == drawn_hash) == (variation == drawn)
+        cabinets.add(tuple(env.scene.pose("cabinet").position))
     env.close()
-    assert len(set(cabinets)) == 3
+    assert len(cabinets) == 3
 
 
 def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):
