@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from itertools import chain, repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,9 +74,8 @@ def played(task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED, p
     """The recorded episode of these actions; the last one is repeated until it is over."""
     recorder = HoldAfterDone(EpisodeRecorder(BimanualEnv(task, obs="state", perturb=perturb)))
     recorder.reset(seed=seed, options={"variation": 0})
-    info, index = {}, 0
+    info, left = {}, chain(actions, repeat(actions[-1]))
     while PLAYED not in info:
-        info = recorder.step(actions[min(index, len(actions) - 1)])[4]
-        index += 1
+        info = recorder.step(next(left))[4]
     recorder.close()
     return info[PLAYED]

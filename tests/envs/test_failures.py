@@ -3,13 +3,14 @@
 import json
 import re
 from functools import partial
+from itertools import chain, repeat
 
 import numpy as np
 import pytest
 from planted_failures import SEED, Keyposes, evaluation, expert_keyposes, from_on, played, shifted
 from sample_results import LIGHT
 
-from lerobot_bimanual.errors import BimanualError, InvalidAction, InvalidChoice
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -21,7 +22,7 @@ from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
 from lerobot_env_bimanual.tasks import dual_push_buttons, handover_item
 from lerobot_env_bimanual.tasks._handover import hand_over
-from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
+from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
 
 EASY, TRAY = "handover_item_easy", "lift_tray"
 LEFT_X, LEFT_Z, LEFT_QW, LEFT_OPEN, RIGHT_X, RIGHT_OPEN = 0, 2, 3, 7, 9, 16
@@ -31,16 +32,14 @@ OPTIONS: dict[str, str | int] = {"split": "test", "max_keyposes": 25}
 def observed(task: str, keyposes: Keyposes) -> EpisodeEvents:
     """Events of an episode of these keyposes, the last of which is repeated."""
     env = BimanualEnv(task, obs="state")
-    env.reset(seed=SEED, options={"variation": 0})
+    held = HoldAfterDone(env)
+    held.reset(seed=SEED, options={"variation": 0})
     monitor = EpisodeMonitor(env)
     with env.observed_by(monitor.note, monitor.note_step):
-        is_over, index = False, 0
-        while not is_over:
-            try:
-                _, _, terminated, truncated, _ = env.step(keyposes[min(index, len(keyposes) - 1)])
-            except InvalidAction as error:
-                _, _, terminated, truncated, _ = env.fail(f"{INVALID_ACTION}{error}")
-            is_over, index = terminated or truncated, index + 1
+        for keypose in chain(keyposes, repeat(keyposes[-1])):
+            _, _, terminated, truncated, _ = held.step(keypose)
+            if terminated or truncated:
+                break
     events = monitor.events()
     env.close()
     return events
