@@ -1,51 +1,35 @@
 """Datasets of policies' episodes: replayed exactly, of both views, with what became of each."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from planted_failures import evaluation, expert_keyposes, played
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import expert
-from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 
 pytestmark = pytest.mark.weekly
 
 
 @pytest.fixture(scope="module")
 def records(tmp_path_factory):
-    """Four episodes: solved by keyposes, the first of them again by joint actions, failed, and without a tick."""
-    folder = tmp_path_factory.mktemp("records")
-    seen = {"image_size": 24, "cameras": "front,left_wrist"}
-    make = partial(BimanualEnv, "lift_ball", obs="state", **seen)
-    envs = LazyVectorEnv([make], asynchronous=False, results_dir=str(folder))
-    (env,) = envs._ensure().envs
-    joint_actions = []
-    for seed, end in ((3, None), (4, "joint"), (5, "stop"), (6, "at once")):
-        envs.reset(seed=[seed])
-        bare = env.unwrapped
-        if end == "joint":
-            other = BimanualEnv("lift_ball", obs="state")
-            other.reset(seed=seed)
-            with other.observed_by(lambda _, action: joint_actions.append(action.copy())):
-                for move in expert()(other):
-                    if other.step(move.action)[2]:
-                        break
-            for action in joint_actions:
-                envs.step(action[None])
-            continue
-        for number, move in enumerate(expert()(bare)):
-            bad = end == "at once" or (end == "stop" and number == 1)
-            over = envs.step(np.zeros((1, 18)) if bad else move.action[None])[2].any()
-            if over:
-                break
-    envs.close()
-    return folder / "lift_ball_test_record.json"
+    """Of four episodes: solved by keyposes, solved by joint actions, failed, and without a tick."""
+    env, joint_actions = BimanualEnv("lift_ball", obs="state"), []
+    with env.observed_by(lambda _, action: joint_actions.append(action.copy())):
+        run_episode(env, 4, expert())
+    env.close()
+    impossible = np.zeros(18)
+    stopped = [expert_keyposes("lift_ball", seed=5)[0], impossible]
+    actions = (expert_keyposes("lift_ball", seed=3), joint_actions, stopped, [impossible])
+    episodes = [played("lift_ball", each, seed) for seed, each in enumerate(actions, 3)]
+    path = tmp_path_factory.mktemp("records") / "lift_ball_test_record.json"
+    options = {"split": "test", "image_size": 24, "cameras": "front,left_wrist"}
+    evaluation("lift_ball", options, *episodes).write(path)
+    return path
 
 
 def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes(records, played_again, tmp_path, capsys):
