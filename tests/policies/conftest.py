@@ -11,17 +11,7 @@ from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import (
-    ACTION,
-    CAMERA_EXTRINSICS,
-    CAMERA_INTRINSICS,
-    EE_POSE,
-    GRIPPER_FINGERS,
-    KEYPOSE_STEP,
-    STATE,
-    depth_key,
-    image_key,
-)
+from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.pinhole import intrinsics_from_fovy
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
@@ -91,8 +81,10 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
             metafunc.parametrize(fixture, values, indirect=fixture != "policy_type")
 
 
-def policy_maker(name: str, options: dict[str, Any]) -> Callable[..., KeyposePolicy]:
-    """Makes one tiny variant of a policy, with options changed."""
+@pytest.fixture
+def make_policy(request: pytest.FixtureRequest) -> Callable[..., KeyposePolicy]:
+    """Makes every tiny variant of every policy in turn, with options changed."""
+    name, options = request.param
 
     def make(dataset_stats: dict[str, Any] | None = None, **changes: Any) -> KeyposePolicy:
         config = PreTrainedConfig.get_choice_class(name)(**options | changes)
@@ -101,16 +93,8 @@ def policy_maker(name: str, options: dict[str, Any]) -> Callable[..., KeyposePol
     return make
 
 
-@pytest.fixture
-def make_policy(request: pytest.FixtureRequest) -> Callable[..., KeyposePolicy]:
-    """Every variant of every policy in turn."""
-    return policy_maker(*request.param)
-
-
-@pytest.fixture
-def make_leader_follower(request: pytest.FixtureRequest) -> Callable[..., KeyposePolicy]:
-    """Every variant of every policy with a leader in turn."""
-    return policy_maker(*request.param)
+make_leader_follower = make_policy
+"""The same for the policies with a leader."""
 
 
 @pytest.fixture
@@ -145,16 +129,16 @@ def make_batch(random_keyposes: Callable[[int], torch.Tensor]) -> Callable[..., 
     def make(samples: int = 2, size: int = 16) -> dict[str, Any]:
         batch: dict[str, Any] = {}
         for camera in CAMERA_NAMES:
-            batch[image_key(camera)] = torch.rand(samples, 3, size, size)
-            batch[depth_key(camera)] = 500 + 900 * torch.rand(samples, 1, size, size)
-        batch[CAMERA_EXTRINSICS] = LOOKING_DOWN.repeat(samples, len(CAMERA_NAMES), 1, 1).flatten(1)
+            batch[schema.image_key(camera)] = torch.rand(samples, 3, size, size)
+            batch[schema.depth_key(camera)] = 500 + 900 * torch.rand(samples, 1, size, size)
+        batch[schema.CAMERA_EXTRINSICS] = LOOKING_DOWN.repeat(samples, len(CAMERA_NAMES), 1, 1).flatten(1)
         intrinsics = torch.tensor(intrinsics_from_fovy(np.pi / 3, size, size)).float()
-        batch[CAMERA_INTRINSICS] = intrinsics.repeat(samples, len(CAMERA_NAMES), 1, 1).flatten(1)
-        batch[STATE] = torch.rand(samples, 16)
-        batch[EE_POSE] = torch.rand(samples, 14)
-        batch[GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
-        batch[KEYPOSE_STEP] = torch.arange(samples).float()[:, None] % 5
-        batch[ACTION] = random_keyposes(samples)
+        batch[schema.CAMERA_INTRINSICS] = intrinsics.repeat(samples, len(CAMERA_NAMES), 1, 1).flatten(1)
+        batch[schema.STATE] = torch.rand(samples, 16)
+        batch[schema.EE_POSE] = torch.rand(samples, 14)
+        batch[schema.GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
+        batch[schema.KEYPOSE_STEP] = torch.arange(samples).float()[:, None] % 5
+        batch[schema.ACTION] = random_keyposes(samples)
         batch["task"] = [f"lift the ball {sample}" for sample in range(samples)]
         return batch
 
