@@ -1,5 +1,7 @@
 """The network computes the written-out formulation, faster."""
 
+from dataclasses import replace
+
 import peract2_written_out as reference
 import pytest
 import torch
@@ -8,7 +10,7 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.keypose.losses import keypose_losses
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d, pad_replicate
-from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslation, FactorisedTranslationHead
+from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
 from lerobot_policy_bimanual.peract.network import PerActNetwork
 from lerobot_policy_bimanual.peract.pooling import pool
 from lerobot_policy_bimanual.peract.stem_features import StemFeatures
@@ -141,14 +143,8 @@ def test_cells_add_the_likelihood_of_the_place_within_the_voxel(make_network):
     middle = torch.arange(4) / 4 - 0.375
     offsets = torch.cartesian_prod(middle, middle, middle)
     losses = torch.stack([translation.cross_entropy(voxel, o.expand(2, 2, 3)) for o in offsets])
-    whole = FactorisedTranslation(
-        translation.patch_logits,
-        translation.patches,
-        translation.voxel_logits,
-        translation.target_voxel_logits,
-        translation.cell_logits[..., :0],
-        translation.target_cell_logits[..., :0],
-    )
+    cells = translation.cell_logits, translation.target_cell_logits
+    whole = replace(translation, cell_logits=cells[0][..., :0], target_cell_logits=cells[1][..., :0])
     torch.testing.assert_close((-losses).exp().sum(0), (-whole.cross_entropy(voxel, offsets[0])).exp())
 
 

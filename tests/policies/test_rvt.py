@@ -22,16 +22,9 @@ HEADS = 2
 
 
 def tiny_config(**options: Any) -> RVTLFConfig:
-    grid: dict[str, Any] = {
-        "voxel_size": 9,
-        "patch": 3,
-        "channels": 4,
-        "token_dim": 8,
-        "attention_dim": 12,
-        "depth": 4,
-    }
+    grid = {"voxel_size": 9, "patch": 3, "channels": 4, "token_dim": 8, "attention_dim": 12, "depth": 4}
     rest = {"heads": HEADS, "feedforward_multiplier": 2, "attention_dropout": 0.0, "language_dim": 6}
-    return RVTLFConfig(device="cpu", **(grid | rest | options))
+    return RVTLFConfig(device="cpu", **grid | rest | options)
 
 
 def tiny_network(**options: Any) -> RVTNetwork:
