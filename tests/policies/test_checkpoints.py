@@ -1,7 +1,6 @@
 """A checkpoint is data: nothing that it names runs, and what is missing, damaged or unknown is named in one line."""
 
 import contextlib
-import json
 import pickle
 import shutil
 from collections.abc import Callable
@@ -10,6 +9,7 @@ from typing import Any
 
 import pytest
 import torch
+from corruptions import json_file as edit
 from hypothesis import given
 from hypothesis import strategies as st
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
@@ -43,15 +43,6 @@ def sound(save_policy, tmp_path_factory: pytest.TempPathFactory, tiny: dict[str,
 def checkpoint(sound: Path, tmp_path: Path) -> Path:
     """A sound checkpoint to damage."""
     return Path(shutil.copytree(sound, tmp_path / "pretrained_model"))
-
-
-def edit(name: str, change: Callable[[dict], Any]) -> Damage:
-    def damage(folder: Path) -> None:
-        value = json.loads((folder / name).read_text())
-        change(value)
-        (folder / name).write_text(json.dumps(value))
-
-    return damage
 
 
 def config(**changes: Any) -> Damage:

@@ -1,12 +1,12 @@
 """`lerobot-bimanual policy inspect` and `accuracy`: what the policy saw and said, and how far that is from the truth."""
 
-import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from corruptions import rewrite
 from matplotlib.colors import to_rgb
 from PIL import Image
 
@@ -149,7 +149,5 @@ def test_missing_depth_or_label_is_refused_by_name(peract_checkpoint, dataset, m
     few = record(tmp_path / "few", make_batch(ROWS), ("front",))
     assert schema.depth_key("left_wrist") in refusal(capsys, peract_checkpoint, few)
     copy = shutil.copytree(dataset, tmp_path / "copy")
-    info = json.loads((copy / INFO_FILE).read_text())
-    del info["features"][schema.ACTION]
-    (copy / INFO_FILE).write_text(json.dumps(info))
+    rewrite(copy / INFO_FILE, lambda info: info["features"].pop(schema.ACTION))
     assert f"{schema.ACTION} is missing" in refusal(capsys, peract_checkpoint, copy)
