@@ -8,7 +8,7 @@ import pytest
 from programs import run
 
 from lerobot_bimanual.cli import lerobot_program
-from lerobot_bimanual.cli.lerobot_flags import flag_values, is_trusted, without_ours
+from lerobot_bimanual.cli.lerobot_flags import is_trusted, without_ours
 
 DISCOVER = """
 import json, sys
@@ -34,16 +34,10 @@ def discovery(tmp_path_factory) -> Any:
     return json.loads(next(line for line in printed.splitlines() if line.startswith("{")))
 
 
-def test_lerobot_finds_the_environment_and_the_robot(discovery: Any) -> None:
+def test_lerobot_finds_the_environment_the_policies_and_the_robot(discovery: Any) -> None:
     assert discovery["envs"]["bimanual"].startswith("lerobot_env_bimanual.")
+    assert discovery["policies"]["peract2"].startswith("lerobot_policy_bimanual.")
     assert discovery["robots"]["bimanual_sim"].startswith("lerobot_robot_bimanual.")
-
-
-def test_every_policy_follows_the_naming_by_which_lerobot_finds_its_class(discovery: Any) -> None:
-    ours = {name for name, module in discovery["policies"].items() if "lerobot_policy_bimanual" in module}
-    assert "peract2" in ours
-    for name in ours:
-        assert discovery["policies"][name] == f"lerobot_policy_bimanual.{name}.configuration_{name}"
 
 
 def test_discovery_loads_neither_mujoco_nor_networks(discovery: Any) -> None:
@@ -71,10 +65,6 @@ def test_lerobot_gets_none_of_our_flags(ours, trusted) -> None:
     for words in ([*ours, *lerobots], [*lerobots, *ours]):
         assert without_ours(words) == lerobots
         assert is_trusted(words) is trusted
-
-
-def test_a_program_without_flags_is_told_no_values() -> None:
-    assert flag_values([]) == {}
 
 
 def test_lerobots_programs_say_that_it_is_not_installed(monkeypatch, capsys) -> None:
