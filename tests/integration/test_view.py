@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
+from test_video import read_frames
 
 from lerobot_bimanual.cli import main
 from lerobot_env_bimanual.env import BimanualEnv
@@ -19,9 +19,8 @@ def small_films_here(monkeypatch, tmp_path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def frames(film: Path) -> list[np.ndarray]:
-    with av.open(str(film)) as opened:
-        return [frame.to_ndarray(format="rgb24").astype(float) for frame in opened.decode(video=0)]
+def frames(film: Path) -> np.ndarray:
+    return read_frames(film).astype(float)
 
 
 def test_a_video_is_written_and_its_outcome_told(capsys) -> None:
