@@ -12,24 +12,11 @@ SHIPPED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 
 def records(folder: Path, *flags: str) -> dict[str, bytes]:
     """The records of two short episodes of two tasks by their file's name, evaluated with further flags."""
-    policy = (f"--policy.path={SHIPPED}", "--policy.device=cpu")
-    env = (
-        "--env.type=bimanual",
-        "--env.task=push_box,lift_ball",
-        "--env.image_size=128",
-        "--env.max_keyposes=1",
-    )
+    policy = (f"--policy.path={SHIPPED}", "--policy.device=cpu", "--env.type=bimanual")
+    env = ("--env.task=push_box,lift_ball", "--env.image_size=128", "--env.max_keyposes=1")
+    counts = ("--eval.n_episodes=2", "--eval.batch_size=2")
     output = (f"--env.results_dir={folder}", f"--output_dir={folder}")
-    run(
-        "lerobot-eval",
-        *policy,
-        *env,
-        *output,
-        "--eval.n_episodes=2",
-        "--eval.batch_size=2",
-        *flags,
-        folder=folder,
-    )
+    run("lerobot-eval", *policy, *env, *counts, *output, *flags, folder=folder)
     return {path.name: path.read_bytes() for path in folder.glob("*_record.json")}
 
 
