@@ -1,7 +1,6 @@
 """A small generated dataset, an executor in the test's own process, and flags of small policies."""
 
 import contextlib
-import hashlib
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import pytest
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.files import sha256
 from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, dataset_generate
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.generation import build
@@ -34,20 +34,15 @@ def tiny_flags() -> dict[str, tuple[str, ...]]:
     }
 
 
-def generation(root: Path, **options) -> DatasetGenerateConfig:
-    """Three episodes of one task in two shards, both views, with small images of two cameras."""
+@pytest.fixture(scope="session")
+def small_generation() -> Callable[..., DatasetGenerateConfig]:
+    """Builds options: three episodes of one task in two shards, both views, with small images of two cameras."""
     defaults = {
         **{"task": "lift_ball", "episodes": 3, "view": "both", "image_size": "24x32", "depth": True},
         **{"cameras": ("front", "left_wrist"), "intermediate": (0.5,), "episodes_per_shard": 2},
         **{"workers": 1, "repo_id": "local/small"},
     }
-    return DatasetGenerateConfig(**defaults | options, root=root)
-
-
-@pytest.fixture(scope="session")
-def small_generation():
-    """Builds the options of the small dataset for a root folder."""
-    return generation
+    return lambda root, **options: DatasetGenerateConfig(**defaults | options, root=root)
 
 
 class PoolOfThisProcess(contextlib.nullcontext):
@@ -90,17 +85,11 @@ def records_here() -> type[RecordsHere]:
 
 
 @pytest.fixture(scope="session")
-def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def generated(small_generation, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Root of the small dataset, both views."""
     root = tmp_path_factory.mktemp("two words Ω") / "small"
-    dataset_generate(generation(root))
+    dataset_generate(small_generation(root))
     return root
-
-
-def hashes_of_files(root: Path) -> dict[str, str]:
-    """Hash of every file below a folder by its path there."""
-    files = sorted(path for path in root.rglob("*") if path.is_file())
-    return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 @pytest.fixture(scope="session")
@@ -134,5 +123,9 @@ def copy(generated: Path, tmp_path: Path) -> Callable[[View], Path]:
 
 @pytest.fixture(scope="session")
 def tree_hashes():
-    """Hashes the files of a dataset: equal exactly for equal datasets."""
-    return hashes_of_files
+    """Gives the hash of every file below a folder by its path there: equal exactly for equal datasets."""
+
+    def hashes(root: Path) -> dict[str, str]:
+        return {str(path.relative_to(root)): sha256(path) for path in root.rglob("*") if path.is_file()}
+
+    return hashes
