@@ -13,7 +13,7 @@ from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
 from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
 from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
-from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS, QUADRATIC, with_quadratic_features
+from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS, QUADRATIC
 
 CROSS_HEAD_DIM = 64
 """Both cross-attentions have a single head of this width (PerAct2 code)."""
@@ -121,7 +121,8 @@ class PerActNetwork(nn.Module):
             language: (b, language_tokens, language_dim).
             target: label of the arms in training; see `FactorisedTranslationHead`.
         """
-        grid = with_quadratic_features(grid) if self.quadratic_features else grid
+        if self.quadratic_features:
+            grid = torch.cat([grid, grid[:, QUADRATIC].square()], dim=1)
         filters = None if self.language_filters is None else self.language_filters(language)
         stem, patches = self.translation.read(grid, self.stem, self.patchify, filters)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)

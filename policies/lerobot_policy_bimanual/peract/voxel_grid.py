@@ -64,8 +64,3 @@ def with_goal(grid: Tensor, place: Tensor) -> Tensor:
     x, y, z = near(place, grid.shape[-1]).to(grid.dtype).unbind(1)
     mark = x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]
     return torch.cat([grid, mark[:, None]], dim=1)
-
-
-def with_quadratic_features(grid: Tensor) -> Tensor:
-    """Append the squares of the channels `QUADRATIC` to a grid (b, c, v, v, v): (b, c + 6, v, v, v)."""
-    return torch.cat([grid, grid[:, QUADRATIC].square()], dim=1)
