@@ -5,7 +5,7 @@ from pathlib import Path
 
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import Provenance, check_version
-from lerobot_bimanual.dataset.reader import INFO_FILE, is_depth, no_dataset, read_info, views_below
+from lerobot_bimanual.dataset.reader import INFO_FILE, no_dataset, read_info, views_below
 from lerobot_bimanual.errors import DatasetError
 
 
@@ -37,8 +37,3 @@ def check_dataset(root: Path, episodes: Sequence[int] = (0,)) -> None:
     total = info["total_episodes"]
     if outside := [number for number in episodes if not 0 <= number < total]:
         raise DatasetError(f"{root} has episodes 0 to {total - 1}, but --dataset.episodes names {outside[0]}")
-
-
-def has_depth(root: Path) -> bool:
-    """Whether a dataset has depth images."""
-    return any(map(is_depth, read_info(root)["features"].values()))

@@ -31,11 +31,12 @@ from torch.utils.data import DataLoader, Subset
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.checkpoint_folder import how_to_resume
 from lerobot_bimanual.cli.lerobot_flags import is_trusted
+from lerobot_bimanual.dataset.reader import is_depth, read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import check_output_folder, share_files
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.errors import BadConfig
-from lerobot_policy_bimanual.training.dataset_folder import check_dataset, has_depth
+from lerobot_policy_bimanual.training.dataset_folder import check_dataset
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 logger = logging.getLogger(__name__)  # the root's functions would add a handler of everything
@@ -228,12 +229,14 @@ def check_training(cfg: TrainPipelineConfig) -> None:
             "leave out --dataset.depth_output_unit, or use `lerobot-train`"
         )
     if cfg.dataset.root is not None:
-        check_dataset(Path(cfg.dataset.root), cfg.dataset.episodes or [0])
+        root = Path(cfg.dataset.root)
+        check_dataset(root, cfg.dataset.episodes or [0])
+        has_depth = any(map(is_depth, read_info(root)["features"].values()))
         policy = cfg.policy
         is_of_lerobot = type(policy).__module__.startswith("lerobot.policies.")
-        if policy and is_of_lerobot and not policy.input_features and has_depth(Path(cfg.dataset.root)):
+        if policy and is_of_lerobot and not policy.input_features and has_depth:
             raise DatasetError(
-                f"the policy {policy.type!r} would take the depth in {cfg.dataset.root} for colours: generate the dataset with "
+                f"the policy {policy.type!r} would take the depth in {root} for colours: generate the dataset with "
                 "--depth=false, or name what it reads by --policy.input_features"
             )
     if cfg.output_dir is not None:
