@@ -49,11 +49,7 @@ def compare_with_checkpoint(config: PreTrainedConfig, trained: PreTrainedConfig,
 
 
 def check_label(shape: Sequence[int]) -> None:
-    """Refuse actions of another shape than a keypose.
-
-    Raises:
-        DatasetError: they have one.
-    """
+    """Refuse actions of another shape than a keypose, as `DatasetError`."""
     if tuple(shape) != (KEYPOSE_DIM,):
         raise DatasetError(
             f"the column {ACTION} has the shape {tuple(shape)}, but keypose policies learn from the next keypose, "
