@@ -12,7 +12,7 @@ from lerobot.utils.collate import lerobot_collate_fn
 from lerobot.utils.import_utils import register_third_party_plugins
 
 from lerobot_bimanual.dataset.layout import check_features
-from lerobot_bimanual.dataset.reader import find_view, read_info
+from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.dataset.schema import ACTION
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.errors import CheckpointError
@@ -57,13 +57,8 @@ def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
     return with_calibration(cast(Batch, lerobot_collate_fn(found)), dataset.meta.features)
 
 
-def open_dataset(dataset: Path) -> LeRobotDataset:
-    """Open a dataset of keyposes, or the view `keyframes` of a folder of both views.
-
-    Raises:
-        DatasetError: there is none.
-    """
-    root = find_view(dataset, ("keyframes", "frames"))
+def open_dataset(root: Path) -> LeRobotDataset:
+    """Open a dataset of keyposes; what is none is a `DatasetError`."""
     features = read_info(root)["features"]
     check_features(features, root)
     check_label(features[ACTION]["shape"])
