@@ -107,7 +107,7 @@ class WhollyAbove(Condition):
     height_m: float
 
     def __call__(self, view: SceneView) -> bool:
-        geoms = view.model.geom_bodyid == view.model.body(self.prop).id
+        geoms = view.geoms(self.prop)
         centres, half_sizes = np.split(view.model.geom_aabb[geoms], 2, axis=1)
         vertical = view.data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]
         middles = view.data.geom_xpos[geoms, 2] + (vertical * centres).sum(axis=1)

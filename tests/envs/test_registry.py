@@ -50,6 +50,8 @@ def test_names_are_resolved_in_order_and_unknown_ones_answered_and_suites_are_of
         message = r"'push_boxes', .*handover_item_easy, lift_ball.*push_box.* Did you mean 'push_box'\?"
         with pytest.raises(InvalidChoice, match=message):
             ask("push_boxes")
+    with pytest.raises(InvalidChoice, match="task is ''"):
+        resolve_tasks([])
     assert resolve_tasks("push_box, lift_ball,push_box") == ("push_box", "lift_ball")
     assert resolve_tasks(["lift_ball", "all"])[0] == "lift_ball"
     assert sorted(resolve_tasks("all")) == list(list_tasks())

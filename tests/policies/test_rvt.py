@@ -165,6 +165,15 @@ def test_loss_equals_the_divergence_from_a_target_image_with_gradients(is_betwee
     torch.testing.assert_close(*(torch.autograd.grad(each.sum(), logits)[0] for each in (actual, expected)))
 
 
+@pytest.mark.parametrize(("sigma_px", "offset"), [(1.5, 5.0), (0.01, 0.3)])
+def test_a_target_that_no_pixel_of_its_gaussian_shows_is_taught_by_the_nearest_pixel(sigma_px, offset):
+    logits, voxel = random_logits(size=6), torch.full((2, 2, 3), 5)
+    actual = HeatmapTranslation(logits, sigma_px).cross_entropy(voxel, torch.full((2, 2, 3), offset))
+    rows, columns = pixels_of_voxels(torch.tensor([5, 5, 5]), 6)
+    log_share = logits.flatten(3).log_softmax(3).view_as(logits)
+    torch.testing.assert_close(actual, -log_share[:, :, torch.arange(5), rows, columns].mean(2))
+
+
 @pytest.mark.parametrize("levels", [2, 1000])
 @pytest.mark.parametrize("chunk", [1, 200, 2**18])
 def test_best_voxel_is_the_first_maximum_of_the_whole_lattice(monkeypatch, levels, chunk):

@@ -76,7 +76,7 @@ class Axis[Memory]:
 
     Attributes:
         name: snake_case.
-        group: kind of what it changes: seen, clutter, bodies, arms, words or time.
+        group: kind of what it changes: seen, clutter, bodies, arms, words, time or training.
         levels: magnitudes of the levels 1, 2 and 3.
         unit: of the magnitudes.
         summary: what is done, in a sentence.

@@ -79,7 +79,7 @@ def resolve_tasks(selection: str | Sequence[str]) -> tuple[str, ...]:
         InvalidChoice: a name is neither a task nor a suite, or the selection is empty.
     """
     names = selection.split(",") if isinstance(selection, str) else selection
-    names = [name.strip() for name in names]
+    names = [name.strip() for name in names] or [""]
     tasks, chosen = list_tasks(), dict[str, None]()
     for name in names:  # only a suite needs all tasks to be loaded
         suites = {} if name in tasks else list_suites()

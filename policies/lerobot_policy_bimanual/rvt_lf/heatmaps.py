@@ -35,7 +35,8 @@ class HeatmapTranslation:
         """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
 
         Averaged over the views. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and then
-        normalised. Its own entropy is subtracted, so that a perfect heatmap has the loss 0.
+        normalised; where that leaves no pixel, as of a target outside the image, the voxel's own is taken. Its own
+        entropy is subtracted, so that a perfect heatmap has the loss 0.
         """
         V = self.logits.shape[-1]
         reach = int(CUT_SIGMAS * self.sigma_px + 0.5)
@@ -50,7 +51,9 @@ class HeatmapTranslation:
         seen = (rows >= 0) & (rows < V) & (columns >= 0) & (columns < V)
         seen &= squared <= (CUT_SIGMAS * self.sigma_px) ** 2
         weight = torch.exp(-squared.to(self.logits) / (2 * self.sigma_px**2)) * seen
-        weight = weight / weight.sum(dim=-1, keepdim=True)
+        mass = weight.sum(dim=-1, keepdim=True)
+        nearest = ((row_step == 0) & (column_step == 0)).to(weight)
+        weight = torch.where(mass > 0, weight / mass, nearest)
         flat = self.logits.flatten(3)
         hit = flat.gather(3, rows.clamp(0, V - 1) * V + columns.clamp(0, V - 1))
         wanted = weight.xlogy(weight).sum(dim=3)
