@@ -150,4 +150,5 @@ def _at_rest(rope: Rope) -> tuple[Pose, NDArray[np.float64]]:
     laid = Pose.upright((*TABLE_CENTRE_XY_M, TABLE_HEIGHT_M + rope.knot_radius_m))
     scene.place(rope.name, laid)
     scene.settle(MAX_SETTLE_TICKS)
-    return laid.inverse() @ scene.pose(rope.name), scene.joints_below(rope.name)
+    hinges = 2 * (rope.links - 1)  # the scene's last joints
+    return laid.inverse() @ scene.pose(rope.name), scene.data.qpos[-hinges:].copy()

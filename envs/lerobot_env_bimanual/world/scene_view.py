@@ -129,12 +129,6 @@ class SceneView:
         """Position of a hinge (rad) or slide (m)."""
         return float(self.data.qpos[self.model.joint(joint).qposadr[0]])
 
-    def joints_below(self, body: str) -> NDArray[np.float64]:
-        """Values of the hinges and slides of all bodies below a body, in the model's order."""
-        below = self.bodies(body)
-        below[self.model.body(body).id] = False
-        return self.data.qpos[self.model.jnt_qposadr[below[self.model.jnt_bodyid]]]
-
     # -- contacts -----------------------------------------------------------------------------------------
 
     def contacts(self, body_a: str | tuple[str, ...], body_b: str | tuple[str, ...]) -> bool:
