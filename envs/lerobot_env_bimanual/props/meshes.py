@@ -16,10 +16,10 @@ type Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 """Vertices (n, 3) in metres and faces (m, 3), counter-clockwise seen from outside."""
 
 
-def add_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh) -> None:
-    """Add a mesh asset to a model under construction."""
+def add_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh, **settings: Any) -> None:
+    """Add a mesh asset to a model under construction; `settings` are those of MuJoCo's meshes."""
     vertices, faces = mesh
-    spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel())
+    spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel(), **settings)
 
 
 def draw_mesh(body: mujoco.MjsBody, mesh: str, **settings: Any) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.meshes import Mesh, closed, draw_mesh
+from lerobot_env_bimanual.props.meshes import Mesh, add_mesh, closed, draw_mesh
 
 type Point = tuple[float, float, float]
 type Section = tuple[float, float, float]
@@ -97,11 +97,9 @@ def add_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str) -> None:
             if spec.mesh(mesh) is None:
                 parts = [shell.mesh(group == FINE) for shell in shells if shell.rgba == rgba]
                 firsts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-                faces = [each + first for (_, each), first in zip(parts, firsts, strict=False)]
-                spec.add_mesh(
-                    name=mesh,
-                    uservert=np.concatenate([vertices for vertices, _ in parts]).ravel(),
-                    userface=np.concatenate(faces).ravel(),
-                    smoothnormal=True,
+                vertices = np.concatenate([each for each, _ in parts])
+                faces = np.concatenate(
+                    [each + first for (_, each), first in zip(parts, firsts, strict=False)]
                 )
+                add_mesh(spec, mesh, (vertices, faces), smoothnormal=True)
             draw_mesh(body, mesh, rgba=rgba, group=group)
