@@ -49,12 +49,8 @@ class Moment[Memory]:
         return cast("Memory", self.progress.memory.get(self.axis.name))
 
     def remember(self, memory: Memory) -> None:
-        """Keep something for later ticks of the episode."""
+        """Keep something for later ticks of the episode, or None to forget it."""
         self.progress.memory[self.axis.name] = memory
-
-    def forget(self) -> None:
-        """Drop what was remembered."""
-        del self.progress.memory[self.axis.name]
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ type Neighbours = dict[tuple[int, int], float]
 """Tree and geom that touch a thing -> the smallest distance, m; negative where they overlap."""
 
 
-def _draw_nudge(start: Start[Shift]) -> None:
+def _draw_nudge(start: Start[Shift | None]) -> None:
     """Draw a tick and a way after which the task can still be done; without such a way there is no nudge."""
     rng, scene, most = start.rng, start.scene, 0
     earliest_tick = int(rng.integers(*NUDGE_TICKS))
@@ -173,13 +173,13 @@ def _draw_nudge(start: Start[Shift]) -> None:
             break
 
 
-def _nudge(moment: Moment[Shift]) -> None:
+def _nudge(moment: Moment[Shift | None]) -> None:
     """Shift what can be shifted, once; velocities stay as they are."""
     drawn, scene = moment.memory, moment.scene
     if drawn is None or moment.progress.ticks < drawn.earliest_tick or _is_touched(scene):
         return
     if _shift(scene, drawn.shift_m):
-        moment.forget()
+        moment.remember(None)
         moment.progress.disturbances += 1
 
 
