@@ -183,18 +183,16 @@ class BimanualEnv(gym.Env):
 
     @contextmanager
     def observed_by(
-        self, observer: TickObserver, step_observer: Callable[[], None] | None = None
+        self, observer: TickObserver, step_observer: Callable[[], None] = lambda: None
     ) -> Iterator[None]:
         """Call an observer before every control tick, and another after every step of physics, in a `with` block."""
-        of_steps = [] if step_observer is None else [step_observer]
-        self.tick_observers += [observer]
-        self.step_observers += of_steps
+        self.tick_observers.append(observer)
+        self.step_observers.append(step_observer)
         try:
             yield
         finally:
             self.tick_observers.remove(observer)
-            for each in of_steps:
-                self.step_observers.remove(each)
+            self.step_observers.remove(step_observer)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Execute one joint action (a control tick) or one keypose (a whole motion).
