@@ -39,12 +39,10 @@ class KeyposeFailure(BimanualError):
 
     Attributes:
         arm: name of the arm, or "both".
-        reason: what prevented the motion.
     """
 
     def __init__(self, arm: str, reason: str):
         self.arm = str(arm)
-        self.reason = reason
         super().__init__(f"{'both arms' if self.arm == 'both' else self.arm + ' arm'}: {reason}")
 
 
