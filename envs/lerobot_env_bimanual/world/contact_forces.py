@@ -11,8 +11,6 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 FORCE_FILTER_HZ = 10.0
 """Bandwidth of the low pass through which an arm feels forces: 16 ms to 63 % of a step."""
-NONE = -1
-"""No arm."""
 AT_REST_N = np.zeros((len(ARMS), 3))
 
 
@@ -49,7 +47,7 @@ class ContactForces:
         on_second_n = np.einsum("ni,nij->nj", local_n, contact.frame[outside].reshape(-1, 3, 3))
         for side, sign in ((0, -1), (1, 1)):
             touched = arms[outside, side]
-            on_arm = touched != NONE
+            on_arm = touched >= 0
             np.add.at(forces_n, touched[on_arm], sign * on_second_n[on_arm])
 
     def take(self) -> tuple[NDArray[np.float64], float, str]:
