@@ -178,7 +178,7 @@ class RehearsalView(SceneView):
         """Set the arms' joints, (7,) rad each, and take carried props along."""
         action = by_arm(self._commanded)
         for arm, posture in joints.items():
-            self.data.qpos[self._joint_qpos[arm.ordinal]] = posture
+            self.data.qpos[self.joint_qpos[arm.ordinal]] = posture
             action[arm.ordinal, :-1] = posture
         self._refresh()
         if self._carried:

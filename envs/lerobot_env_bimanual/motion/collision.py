@@ -60,10 +60,7 @@ class CollisionChecker:
         # Both, as MuJoCo discards pairs of bodies before it looks at their geoms.
         self._model.body_margin[is_arm] = CLEARANCE_M
         self._model.geom_margin[is_arm[self._model.geom_bodyid]] = CLEARANCE_M
-        self._joints = [
-            np.array([self._model.joint(name).qposadr[0] for name in scene.arm_pair.joint_names(arm)])
-            for arm in ARMS
-        ]
+        self._joints = scene.joint_qpos
         self.contact_rules = self._make_contact_rules()
         is_prop = ~is_arm & (np.arange(self._model.nbody) > 0)
         self.standing_rules = CollisionRules(self._least((is_arm, is_prop, CLEARANCE_M)))

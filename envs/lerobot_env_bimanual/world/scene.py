@@ -113,7 +113,7 @@ class Scene(SceneView):
         self.appearance = NOMINAL
         mujoco.mj_resetData(self.model, self.data)
         for arm in ARMS:
-            self.data.qpos[self._joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
+            self.data.qpos[self.joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
             self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m
         self._commanded = self._home_action
         self._servos.restore(0.0)
@@ -167,7 +167,7 @@ class Scene(SceneView):
         arms = by_arm(commanded := self._home_action.copy())
         arms[:, :-1] = joints
         for arm in ARMS:
-            self.data.qpos[self._joint_qpos[arm.ordinal]] = arms[arm.ordinal, :-1]
+            self.data.qpos[self.joint_qpos[arm.ordinal]] = arms[arm.ordinal, :-1]
         self._commanded = commanded
         self._refresh()
 

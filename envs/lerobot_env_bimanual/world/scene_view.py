@@ -37,6 +37,7 @@ class SceneView:
         arm_pair: the robots.
         arm_of_body: (nbody,) number of the arm that each body belongs to; -1 for the room and props.
         appearance: how it looks where that differs from the model, and where its cameras are.
+        joint_qpos: (2, 7) places of the arms' joints in `data.qpos`.
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class SceneView:
         self._geoms_of: dict[str | tuple[str, ...], NDArray[np.bool_]] = {}
         joints = [[model.joint(name) for name in arm_pair.joint_names(arm)] for arm in ARMS]
         fingers = [[model.joint(name) for name in arm_pair.finger_names(arm)] for arm in ARMS]
-        self._joint_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in joints])  # (2, 7)
+        self.joint_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in joints])
         self._finger_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in fingers])  # (2, 2)
         self._gripper = [model.actuator(arm_pair.actuator_names(arm)[-1]).id for arm in ARMS]
         self._tcp_site = [model.site(arm_pair.tcp_site(arm)).id for arm in ARMS]
@@ -76,7 +77,7 @@ class SceneView:
 
     def joint_positions(self, arm: Arm) -> NDArray[np.float64]:
         """(7,) rad."""
-        return self.data.qpos[self._joint_qpos[arm.ordinal]]
+        return self.data.qpos[self.joint_qpos[arm.ordinal]]
 
     def finger_positions(self, arm: Arm) -> NDArray[np.float64]:
         """(2,) m of travel, 0 closed."""
