@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.geometry.rotations import rotation_vector
-from lerobot_env_bimanual.robots.kinematics import ArmKinematics
+from lerobot_env_bimanual.robots.kinematics import NEAR_GRID_SPAN_DEG, ArmKinematics
 
 Array = NDArray[np.floating]
 
@@ -110,7 +110,7 @@ def _end_postures(request: LineRequest, present: Array) -> Iterator[Array]:
     """Postures (7,) at the end of a line to be tried, best first: near the start's, and away from joint limits.
 
     The last joint follows the hand, so the whole of its range is searched only for a hand that goes further than
-    `NEAR_M` or turns by more than half of `ArmKinematics.near_span_rad` from its `present` pose (4, 4), or where the best
+    `NEAR_M` or turns by more than half of `NEAR_GRID_SPAN_DEG` from its `present` pose (4, 4), or where the best
     posture near the start's has not led to a line.
     """
     kinematics, start, target = request.kinematics, request.start, request.target
@@ -123,7 +123,7 @@ def _end_postures(request: LineRequest, present: Array) -> Iterator[Array]:
     is_short = np.linalg.norm(target[:3, 3] - present[:3, 3]) < NEAR_M
     # The trace of one rotation times the inverse of another is 1 + 2 cos(angle between them).
     if is_short and np.vdot(present[:3, :3], target[:3, :3]) > 1.0 + 2.0 * np.cos(
-        kinematics.near_span_rad / 2
+        np.deg2rad(NEAR_GRID_SPAN_DEG / 2)
     ):
         yield from islice(ranked(near), 1)
     yield from islice(ranked(np.concatenate([near, kinematics.ik(target)])), MAX_ENDS)

@@ -29,6 +29,7 @@ GRID_SPAN_DEG = 326.0
 """The redundancy angle q7 is searched at 77 values over its whole range."""
 NEAR_GRID_SIZE = 20
 NEAR_GRID_SPAN_DEG = 40.0
+"""Around a given angle, which is searched more finely."""
 
 # frankik's inverse kinematics aims the flange, its forward kinematics returns the hand's tool centre point.
 _frankik: Any = frankik  # its stubs ask for literal array shapes, which NumPy's own types do not carry
@@ -45,12 +46,7 @@ class ArmKinematics:
         base: world pose of the arm's base.
         lower: (7,) rad, lower joint limits.
         upper: (7,) rad, upper joint limits.
-
-    Attributes:
-        near_span_rad: range of the last joint that `ik` searches around a given angle.
     """
-
-    near_span_rad = np.deg2rad(NEAR_GRID_SPAN_DEG)
 
     def __init__(self, base: Pose, lower: Array, upper: Array):
         self.lower = lower
