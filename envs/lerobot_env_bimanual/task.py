@@ -86,7 +86,10 @@ class TaskSpec:
         return self.varied if setting == VARIED and self.varied else (self.props,)
 
     def variation_index(self, variation: object) -> int | None:
-        """Index that an option `variation` (an index, also as a text, or "any") means; `None` to draw one per episode.
+        """Index that an option `variation` means; `None` to draw one per episode.
+
+        Args:
+            variation: index, also as a text, or "any".
 
         Raises:
             InvalidChoice: the task has no such variation.

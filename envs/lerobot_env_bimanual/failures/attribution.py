@@ -51,9 +51,13 @@ class Attribution:
     """Why one episode failed.
 
     Attributes:
+        seed: seed of the episode.
+        variation: index of its variation.
+        failure_class: class of the failure.
         event: the event that decided about the class.
         last_recoverable: index of the last keypose before which the expert could have taken over; None if unknown.
         reached: share of the expert's keyposes that come before that one, in [0, 1]; None if unknown.
+        responsible: what is responsible.
     """
 
     seed: int

@@ -49,7 +49,11 @@ def free_goals(
 ) -> Iterator[tuple[dict[Arm, Array], str | None]]:
     """Every choice of one candidate per arm, best first, with what is in its way; None if it is free of collisions.
 
-    The checker has looked at the scene. An arm without `candidates`, postures (7,) rad, best first, is where it is `standing`.
+    Args:
+        checker: that has looked at the scene.
+        rules: of the motion.
+        standing: (7,) rad, where an arm without candidates is.
+        candidates: postures (7,) per arm, best first.
     """
     # Those with the smallest sum of ranks come first.
     ranks = sorted(itertools.product(*(range(len(postures)) for postures in candidates.values())), key=sum)

@@ -62,9 +62,19 @@ def rrt_connect(
     rng: np.random.Generator,
     max_iterations: int,
 ) -> Array | None:
-    """Collision-free polyline (n, d) between two free postures (d,) in rad, or None.
+    """Collision-free polyline between two postures.
 
-    Of at most `max_iterations` samples each joint is within `lower` and `upper`, (d,) rad.
+    Args:
+        start: (d,) rad, taken to be free.
+        goal: (d,) rad, free.
+        lower: (d,) rad, smallest sampled joints.
+        upper: (d,) rad, largest sampled joints.
+        is_free: whether a posture (d,) is free of collisions.
+        rng: source of all randomness.
+        max_iterations: samples before giving up.
+
+    Returns:
+        Postures (n, d) from start to goal, or None.
     """
     trees = [_Tree(start, max_iterations), _Tree(goal, max_iterations)]
     for iteration in range(max_iterations):

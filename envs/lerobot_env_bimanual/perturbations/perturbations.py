@@ -61,7 +61,11 @@ class Perturbations:
     ) -> None:
         """Change the start of an episode whose props have been placed and have not come to rest, and its appearance.
 
-        The episode can be done as it is; `is_feasible` says by a rehearsal whether both arms can do it in the present scene.
+        Args:
+            task: the task.
+            scene: its scene.
+            progress: the episode, which can be done as it is.
+            is_feasible: whether both arms can do the task in the present scene, by a rehearsal of the script.
         """
 
         def start(axis: Axis[Any], hook: str) -> Start[Any]:

@@ -104,9 +104,15 @@ def add_sphere(body: mujoco.MjsBody, position: Vector, radius: float, **settings
 def add_camera(
     body: mujoco.MjsBody, name: str, position: Vector, target: Vector, fovy_deg: float, up: Vector
 ) -> None:
-    """Add a camera to a body, at a position (3,) m, with a target (3,) m in the middle of its image.
+    """Add a camera to a body.
 
-    `fovy_deg` is its vertical field of view; `up` (3,) points up in the image, as far as it is across the view.
+    Args:
+        body: it is fixed to.
+        name: its name.
+        position: (3,) m.
+        target: (3,) the point in the middle of the image, m.
+        fovy_deg: vertical field of view.
+        up: (3,) direction that points up in the image, as far as it is across the view.
     """
     quat = matrix_to_quat_wxyz(camera_axes(np.subtract(position, target), up))
     body.add_camera(name=name, pos=position, quat=quat, fovy=fovy_deg)

@@ -148,9 +148,11 @@ class Composition:
 
 
 class Backdrop:
-    """An image that others can be laid over: `rgb` and `nearness` as in `Pixels`.
+    """An image that others can be laid over.
 
     Attributes:
+        rgb: as in `Pixels`.
+        nearness: as in `Pixels`.
         depth_m: (height, width) float32, metres along the optical axis.
     """
 

@@ -30,8 +30,15 @@ class Renderer:
     The OpenGL context is created at the first image and freed by `close`, by the end of a `with` block, or at
     interpreter exit; each in any thread, but one at a time.
 
-    Cameras are some of `lerobot_bimanual.cameras.CAMERA_NAMES`, in the order of the images; sides are in pixels; the quality
-    is one of `QUALITIES`.
+    Args:
+        scene: the scene.
+        cameras: some of `lerobot_bimanual.cameras.CAMERA_NAMES`.
+        height: pixels.
+        width: pixels.
+        quality: one of `QUALITIES`.
+
+    Attributes:
+        cameras: names, in the order of the images.
     """
 
     def __init__(

@@ -91,7 +91,14 @@ def to_image(values: Field) -> Image:
 
 
 def add_material(spec: mujoco.MjSpec, name: str, image: Image, repeat: tuple[float, float] = (1, 1)) -> None:
-    """Add a texture and a dull material of the same name that repeats it along x and y of the geom that wears it."""
+    """Add a texture and a dull material of the same name that shows it.
+
+    Args:
+        spec: the model under construction.
+        name: of both.
+        image: the texture.
+        repeat: times along x and y of the geom that wears it.
+    """
     height, width, _ = image.shape
     kind = mujoco.mjtTexture.mjTEXTURE_2D
     texture = spec.add_texture(name=name, type=kind, width=width, height=height, nchannel=3)

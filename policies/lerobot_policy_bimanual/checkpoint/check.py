@@ -48,9 +48,12 @@ class CheckedCheckpoint(NamedTuple):
 
 
 def check_checkpoint(folder: Path) -> CheckedCheckpoint:
-    """Check the config, the processors and the weights in a folder `pretrained_model`, of this package or of LeRobot.
+    """Check the config, the processors and the weights of a checkpoint of this package or of LeRobot.
 
     The weights of a policy of this package must fit the network of the config. A policy of LeRobot is not built.
+
+    Args:
+        folder: a folder `pretrained_model`.
 
     Raises:
         CheckpointError: something is missing, damaged, unknown or does not fit.

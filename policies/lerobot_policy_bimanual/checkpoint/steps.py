@@ -90,7 +90,11 @@ def check_classes(file: Path, processor: object) -> None:
 
 
 def step_names(file: Path, processor: object) -> list[str]:
-    """The names of the steps of a processor, JSON in a file; their options are checked, and the tensors that they name.
+    """The names of the steps of a processor; their options are checked, and the tensors that they name.
+
+    Args:
+        file: the file.
+        processor: the JSON value in it.
 
     Raises:
         CheckpointError: the file is malformed, or an option or a tensor is.

@@ -27,7 +27,9 @@ Batch = dict[str, Any]
 def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy, Callable[[Batch], Batch]]:
     """The policy of a folder `pretrained_model`, and its preprocessor, on the device that there is.
 
-    What a trusted checkpoint names is loaded without a check.
+    Args:
+        checkpoint: the folder.
+        trusted: whether what it names may be loaded, without a check.
 
     Raises:
         CheckpointError: there is no checkpoint, it is damaged or not to be trusted, or its policy does not predict

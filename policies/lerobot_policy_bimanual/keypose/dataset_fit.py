@@ -49,7 +49,11 @@ def compare_with_checkpoint(config: PreTrainedConfig, trained: PreTrainedConfig,
 
 
 def check_label(shape: Sequence[int]) -> None:
-    """Refuse actions of another shape than a keypose, as `DatasetError`."""
+    """Refuse actions of another shape than a keypose.
+
+    Raises:
+        DatasetError: they have one.
+    """
     if tuple(shape) != (KEYPOSE_DIM,):
         raise DatasetError(
             f"the column {ACTION} has the shape {tuple(shape)}, but keypose policies learn from the next keypose, "

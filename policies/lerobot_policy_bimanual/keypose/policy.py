@@ -98,7 +98,12 @@ class KeyposePolicy(PreTrainedPolicy):
         """Convert the cloud to the network's input."""
 
     def predict(self, observation: Observation, target: KeyposeBins | None) -> KeyposePrediction:
-        """Run the network, in the precision of the config; the target is the label in training, None at inference."""
+        """Run the network, in the precision of the config.
+
+        Args:
+            observation: the cloud, proprioception and instructions.
+            target: the label in training, for heads that are conditioned on it; None at inference.
+        """
         enabled = self.config.dtype == "bfloat16"
         with torch.autocast(observation.points.device.type, torch.bfloat16, enabled=enabled):
             language = self.language(observation.instructions)

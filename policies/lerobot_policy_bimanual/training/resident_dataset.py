@@ -87,6 +87,7 @@ class ResidentDataset(Dataset):
         }
 
     def __len__(self) -> int:
+        """Number of rows."""
         return len(self._dataset)
 
     def __getitem__(self, index: int) -> Row:
@@ -94,10 +95,13 @@ class ResidentDataset(Dataset):
         return {ROW: index} | self._texts[index]
 
     def batch(self, items: Row) -> Row:
-        """Make of collated items the batch that LeRobot's loader makes of these rows, with colours as floats in [0, 1].
+        """Make the batch that LeRobot's loader makes of these rows, with colours as floats in [0, 1].
 
         Columns with `delta_timestamps` are (batch, offsets, ...). Beyond the ends of an episode its first or last row is
         repeated, and `<column>_is_pad` (batch, offsets) is true. LeRobot's language columns are lists.
+
+        Args:
+            items: items, collated.
         """
         texts = {key: value for key, value in items.items() if key != ROW}
         rows = items[ROW]

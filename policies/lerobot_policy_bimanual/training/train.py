@@ -57,9 +57,11 @@ class LoaderFromMemory:
         self._dataset: ResidentDataset = _whole(numbers.dataset)
 
     def __len__(self) -> int:
+        """Batches of an epoch."""
         return len(self._numbers)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Yield the batches of an epoch."""
         batches = iter(self._numbers)
         with torch.random.fork_rng(devices=(), enabled=self._is_resumed):
             first = next(batches)
@@ -93,6 +95,7 @@ class AcceleratorWithMemory:
         return self._made
 
     def __getattr__(self, name: str) -> Any:
+        """Get an attribute of the accelerator."""
         return getattr(self._accelerator(), name)
 
     def prepare(self, *parts: Any) -> tuple[Any, ...]:
