@@ -66,10 +66,12 @@ def measure(predict: Predict, dataset: LeRobotDataset, ticks: int) -> Iterator[d
         first, start = np.searchsorted(episodes, episodes[reached]), reached - ticks
         if start < first:
             continue
-        found, true = predict(dataset, int(start))[ticks - 1], actions[reached - 1]
+        chunk = predict(dataset, int(start))
+        if not 1 <= ticks <= len(chunk):
+            raise SystemExit(f"--ticks is {ticks}, but must be from 1 to {len(chunk)}, the policy's chunk")
         keypose = int(np.count_nonzero(columns[KEYFRAME][first + 1 : reached + 1]))
         for arm in ARMS:
-            offset = hand(found, arm) - hand(true, arm)
+            offset = hand(chunk[ticks - 1], arm) - hand(actions[reached - 1], arm)
             yield {"keypose": keypose, "arm": str(arm), "cm": 100 * np.linalg.norm(offset)}
 
 

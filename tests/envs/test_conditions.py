@@ -17,6 +17,7 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.button import Button
+from lerobot_env_bimanual.props.laptop import Laptop
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.tasks.lift_ball import AREA, LiftBall
@@ -54,6 +55,15 @@ def scene(compiled_scene):
 def test_above_compares_the_height_of_the_origin(scene):
     assert conditions.Above("item", 1.199)(scene)
     assert not conditions.Above("item", 1.201)(scene)
+
+
+def test_a_prop_is_wholly_above_a_height_with_the_bodies_that_hang_on_it():
+    scene, lid_down = Scene([Laptop("laptop")]), (0.0, 1.0, 0.0, 0.0)
+    scene.place("laptop", Pose(HIGH_IN_THE_AIR.position, lid_down))
+    assert conditions.WhollyAbove("laptop", 1.187)(scene)
+    assert not conditions.WhollyAbove("laptop", 1.19)(scene), (
+        "the base's underside is at 1.192, the lid's at 1.187"
+    )
 
 
 CENTRED = conditions.CentredOn("item", "target", 0.05)

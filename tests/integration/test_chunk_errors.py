@@ -31,4 +31,6 @@ def test_a_turned_shoulder_is_as_far_off_as_its_hand_and_costs_the_other_arm_not
     reach_m = np.linalg.norm(hands - ArmPair().base_poses[0].position[:2], axis=1)
     assert left.cm.to_numpy() == pytest.approx(200 * np.sin(TURN_RAD / 2) * reach_m, rel=0.03)
     assert not right.cm.any()
+    with pytest.raises(SystemExit, match="ticks is 6, but must be from 1 to 5"):
+        next(chunk_errors.measure(with_the_left_shoulder_turned, dataset, 6))
     assert left.keypose.tolist() == 3 * list(range(1, 1 + len(left) // 3))

@@ -82,7 +82,10 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
 
 @pytest.mark.parametrize(
     ("folder", "repo_id"),
-    [("lift ball", "local/lift_ball"), (".x", "local/x"), ("v1--Ω", "local/v1__"), ("-", "local/dataset")],
+    [
+        *(("lift ball", "local/lift_ball"), (".x", "local/x"), ("v1--Ω", "local/v1__")),
+        *(("-", "local/dataset"), ("x.git", "local/x_git"), ("x" * 100, f"local/{'x' * 80}")),
+    ],
 )
 def test_every_folder_gives_a_name_that_the_hub_allows(folder, repo_id) -> None:
     assert repo_id_of(None, Path(folder)) == repo_id

@@ -118,7 +118,8 @@ def repo_id_of(given: str | None, root: Path) -> str:
     from lerobot_bimanual.dataset.hub import check_repo_id
 
     if given is None:
-        name = re.sub(r"[.-]{2,}|[^A-Za-z0-9_.-]", "_", root.absolute().name).strip(".-")
+        name = re.sub(r"[.-]{2,}|[^A-Za-z0-9_.-]", "_", root.absolute().name)
+        name = re.sub(r"\.git$", "_git", name[:80].strip(".-"))
         return f"local/{name or 'dataset'}"
     check_repo_id(given)
     return given

@@ -29,7 +29,7 @@ GRID_SPAN_DEG = 326.0
 """The redundancy angle q7 is searched at 77 values over its whole range."""
 NEAR_GRID_SIZE = 20
 NEAR_GRID_SPAN_DEG = 40.0
-"""Around a given angle, which is searched more finely."""
+"""Near a given angle, where the grid is finer."""
 
 # frankik's inverse kinematics aims the flange, its forward kinematics returns the hand's tool centre point.
 _frankik: Any = frankik  # its stubs ask for literal array shapes, which NumPy's own types do not carry
