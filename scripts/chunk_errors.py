@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from lerobot.configs import PreTrainedConfig
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.collate import lerobot_collate_fn
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset.schema import ACTION, KEYFRAME
 from lerobot_env_bimanual.robots.panda_pair import ArmPair
+from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 
 Predict = Callable[[LeRobotDataset, int], NDArray[np.float64]]
 """Of a dataset and a row: the chunk (n, 16) of joint actions that a policy predicts there."""
@@ -44,7 +44,7 @@ def main() -> None:
 
 def policy(checkpoint: Path) -> Predict:
     """The chunks of a policy that LeRobot knows."""
-    config = PreTrainedConfig.from_pretrained(checkpoint)
+    config = check_checkpoint(checkpoint).config
     network = get_policy_class(config.type).from_pretrained(checkpoint, config=config).eval()
     preprocess, postprocess = make_pre_post_processors(config, pretrained_path=str(checkpoint))
 
@@ -62,6 +62,7 @@ def measure(predict: Predict, dataset: LeRobotDataset, ticks: int) -> Iterator[d
     """Of each demonstration, keypose (from 1) and arm the distance in cm; keyposes sooner than TICKS after the start have none."""
     columns = dataset.hf_dataset.with_format("numpy")[:]
     episodes, actions = columns["episode_index"], np.stack(columns[ACTION]).astype(np.float64)
+    kinematics = ArmPair().kinematics
     for reached in tqdm(np.flatnonzero(columns[KEYFRAME]), desc="predicting", unit="keypose"):
         first, start = np.searchsorted(episodes, episodes[reached]), reached - ticks
         if start < first:
@@ -70,15 +71,10 @@ def measure(predict: Predict, dataset: LeRobotDataset, ticks: int) -> Iterator[d
         if not 1 <= ticks <= len(chunk):
             raise SystemExit(f"--ticks is {ticks}, but must be from 1 to {len(chunk)}, the policy's chunk")
         keypose = int(np.count_nonzero(columns[KEYFRAME][first + 1 : reached + 1]))
+        both = np.stack([chunk[ticks - 1], actions[reached - 1]]).reshape(2, len(ARMS), -1)
         for arm in ARMS:
-            offset = hand(chunk[ticks - 1], arm) - hand(actions[reached - 1], arm)
-            yield {"keypose": keypose, "arm": str(arm), "cm": 100 * np.linalg.norm(offset)}
-
-
-def hand(action: NDArray[np.float64], arm: Arm) -> NDArray[np.float64]:
-    """Place (3,) in metres of the arm's hand, world frame, where a joint action (16,) sends it."""
-    joints = action.reshape(len(ARMS), -1)[arm.ordinal, :JOINTS_PER_ARM]
-    return ArmPair().kinematics[arm].pose(joints).position
+            found, true = (kinematics[arm].pose(joints) for joints in both[:, arm.ordinal, :JOINTS_PER_ARM])
+            yield {"keypose": keypose, "arm": str(arm), "cm": 100 * found.distance_to(true)[0]}
 
 
 if __name__ == "__main__":

@@ -60,7 +60,11 @@ def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
 
 
 def open_dataset(root: Path) -> LeRobotDataset:
-    """Open a dataset of keyposes; what is none is a `DatasetError`."""
+    """Open a dataset of keyposes.
+
+    Raises:
+        DatasetError: it is none.
+    """
     features = read_info(root)["features"]
     check_features(features, root)
     check_label(features[ACTION]["shape"])
