@@ -153,6 +153,17 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     assert outcome == looks_again
 
 
+def test_hands_miss_the_first_keypose_reach_the_second_and_the_expert_names_both_as_ever(shared):
+    env = shared("push_box", "misses", 2)
+    outcome, plain = (run_episode(each, 0, expert()) for each in (env, shared("push_box")))
+    first, second, *_ = ([move.left_error_mm, move.right_error_mm] for move in outcome.moves)
+    assert outcome.success
+    assert min(first) > 3
+    assert max(first) < 50
+    assert max(second) < 3
+    assert outcome.commands[:2] == plain.commands[:2]
+
+
 def test_distractors_lie_on_the_table_apart_from_everything_and_out_of_the_hands_way(shared):
     env = shared("handover_item", "clutter")
     env.reset(seed=0)

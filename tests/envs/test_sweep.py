@@ -120,7 +120,7 @@ def move_to_another_world(path: Path, task: str, perturb: str) -> None:
 def test_every_task_has_conditions_and_says_what_does_not_apply(task):
     conditions = conditions_of(task)
     names = [axis.name for axis in conditions.axes]
-    assert sorted([*names, *conditions.not_applicable]) == sorted({*AXES.names} - {"sentences"})
+    assert sorted([*names, *conditions.not_applicable]) == sorted({*AXES.names} - {"misses", "sentences"})
     assert [*conditions] == [("", 0), *((name, level) for name in sorted(names) for level in (1, 2, 3))]
 
 

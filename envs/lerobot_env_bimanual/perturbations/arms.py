@@ -1,4 +1,4 @@
-"""Axes that change the arms: `arm_late`, `command_noise`, `grip_force`, `start_posture`."""
+"""Axes that change the arms: `arm_late`, `command_noise`, `grip_force`, `misses`, `start_posture`."""
 
 from dataclasses import dataclass
 
@@ -12,6 +12,8 @@ from lerobot_env_bimanual.world.scene import Scene
 
 DRIFT_PERIOD_S = (4.0, 12.0)
 """Range of the period of a joint's drift; about as long as a task takes."""
+MISS_TICKS = 10
+"""After which a miss is whole; the way to the first keypose takes longer."""
 N_POSTURES = 20
 """Start postures that are drawn; the first that can be used is taken."""
 
@@ -75,6 +77,23 @@ def _weaken_hands(start: Start) -> None:
 
 
 register(Axis(**data("grip_force"), begin=_weaken_hands))
+
+
+def _draw_miss(start: Start[NDArray[np.float64]]) -> None:
+    """Draw each joint's share (2, 7) of the level's magnitude."""
+    start.remember(start.rng.uniform(-1.0, 1.0, (len(ARMS), JOINTS_PER_ARM)))
+
+
+def _miss(moment: Moment[NDArray[np.float64]], action: Action) -> Action:
+    """Shift the joints until the first keypose is over; the planner of the second starts from where they were sent."""
+    if moment.progress.keyposes:
+        return action
+    told, share = action.copy(), min(1.0, moment.progress.ticks / MISS_TICKS)
+    by_arm(told)[:, :-1] += share * np.deg2rad(moment.magnitude) * moment.memory
+    return told
+
+
+register(Axis(**data("misses"), begin=_draw_miss, command=_miss))
 
 
 def _draw_posture(start: Start) -> None:

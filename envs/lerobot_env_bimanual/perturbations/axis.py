@@ -21,7 +21,7 @@ type Image = tuple[NDArray[np.uint8], NDArray[np.float32]]
 type Action = NDArray[np.float32]
 """Joint action (16,)."""
 
-type Group = Literal["seen", "clutter", "bodies", "arms", "words", "time", "training"]
+type Group = Literal["seen", "clutter", "bodies", "arms", "words", "time"]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Axis[Memory]:
 
     Attributes:
         name: snake_case.
-        group: kind of what it changes: seen, clutter, bodies, arms, words, time or training.
+        group: kind of what it changes: seen, clutter, bodies, arms, words or time.
         levels: magnitudes of the levels 1, 2 and 3.
         unit: of the magnitudes.
         summary: what is done, in a sentence.
@@ -85,6 +85,7 @@ class Axis[Memory]:
         command: the joint action that the arms are given; the action must not be changed in place.
         disturb: changes the world after a tick, and counts in `progress.disturbances` when it has moved things. Keyposes and
             the joint actions that execute them meet the same changes.
+        for_training: whether it is meant for demonstrations alone, so that tests and sweeps leave it out.
         late_ticks: ticks by which, at a magnitude, commands of a keypose's motion arrive late; its end is waited for.
     """
 
@@ -101,12 +102,13 @@ class Axis[Memory]:
     see: Callable[[Moment[Memory], str, Image], Image] | None = None
     command: Callable[[Moment[Memory], Action], Action] | None = None
     disturb: Callable[[Moment[Memory]], None] | None = None
+    for_training: bool = False
     late_ticks: Callable[[float], int] = lambda magnitude: 0
 
     @property
     def changes_only_observations(self) -> bool:
         """Whether it changes only what is seen and said, and so no state."""
-        return self.group in ("seen", "words", "training")
+        return self.group in ("seen", "words")
 
 
 def data(name: str) -> dict[str, Any]:

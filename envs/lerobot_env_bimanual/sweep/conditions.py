@@ -86,7 +86,7 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
     for level in levels or [""]:
         if level not in LEVELS:
             raise InvalidChoice("levels", level, map(str, LEVELS))
-    tests = [axis for axis in AXES.all().values() if axis.group != "training"]
+    tests = [axis for axis in AXES.all().values() if not axis.for_training]
     chosen = [AXES.get(name) for name in sorted(set(axes))] or tests
     model = build_spec(spec.props)
     applicable = [axis for axis in chosen if axis.applies_to(spec, model)]

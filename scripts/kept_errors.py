@@ -1,0 +1,82 @@
+"""Print how far a keypose policy's hands are from the expert's at the first two keyposes, and whether the second repeats the first.
+
+The recorded keyposes of each episode are compared with those of the expert in the same scene; hands that are further off than
+OUTLIER_CM went elsewhere, and hands that the expert does not move are left out. A correlation near 1 says that the second
+keypose is as far off as the first one, the same way.
+Usage: kept_errors.py --results=results/leaderboard [--policy=peract2]
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM
+from lerobot_bimanual.results.record import result_paths
+from lerobot_env_bimanual.experts.baselines import rehearsed_keyposes
+from lerobot_env_bimanual.verification.episodes import recorded_actions, replay_env
+from lerobot_env_bimanual.verification.result_files import ResultFile
+
+OUTLIER_CM = 4
+MIN_MOTION_CM = 1
+MIN_HANDS = 20
+"""Results with fewer hands are not shown."""
+
+
+def main() -> None:
+    """Print a row per result."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--results", type=Path, required=True, help="file or folder, as for `results diagnose`"
+    )
+    parser.add_argument("--policy", help="of one policy only; by default of all")
+    options = parser.parse_args()
+    results = [ResultFile.read(path) for path in result_paths(options.results)]
+    rows = [
+        row for result in results if options.policy in (None, result.policy_id) for row in rows_of(result)
+    ]
+    print(pd.DataFrame(rows).to_string(index=False, float_format="%.2f"))
+
+
+def rows_of(result: ResultFile) -> Iterator[dict[str, str | int | float]]:
+    """The row of a result with enough hands: mean errors in cm, and the correlation along world x, y and z."""
+    result.check_world()
+    found = [*errors_cm(result)]
+    if len(found) >= MIN_HANDS:
+        first, second = np.moveaxis(np.array(found), 1, 0)
+        means = {
+            "first_cm": np.linalg.norm(first, axis=1).mean(),
+            "second_cm": np.linalg.norm(second, axis=1).mean(),
+        }
+        along = {axis: np.corrcoef(first[:, each], second[:, each])[0, 1] for each, axis in enumerate("xyz")}
+        yield {"result": result.name, "hands": len(found)} | means | along
+
+
+def errors_cm(result: ResultFile) -> Iterator[NDArray[np.float64]]:
+    """Of each hand in each episode, how far off (2, 3) the first and the second keypose are, world frame."""
+    env = replay_env(result.record.task, result.record.options)
+    for episode in tqdm(result.record.episodes, desc=result.name, unit="episode"):
+        keyposes = [action for action in recorded_actions(episode) if action.size == KEYPOSE_DIM][:2]
+        env.reset(seed=episode.seed, options={"variation": episode.variation})
+        expert = rehearsed_keyposes(env)[:2]
+        if len(keyposes) < 2 or len(expert) < 2:
+            continue
+        shape = (2, len(ARMS), ARM_KEYPOSE_DIM)
+        reached_cm, true_cm = (
+            100 * np.reshape(each, shape)[..., :3].astype(float) for each in (keyposes, expert)
+        )
+        off_cm, moves_cm = reached_cm - true_cm, np.linalg.norm(true_cm[1] - true_cm[0], axis=-1)
+        meant = (np.linalg.norm(off_cm, axis=-1) < OUTLIER_CM).all(axis=0) & (moves_cm > MIN_MOTION_CM)
+        yield from np.moveaxis(off_cm, 1, 0)[meant]
+    env.close()
+
+
+if __name__ == "__main__":
+    main()
