@@ -48,7 +48,8 @@ def test_a_second_film_of_an_episode_is_turned_and_zoomed_like_the_first() -> No
     env = BimanualEnv("lift_ball", obs="state")
     rollouts = {"expert": films.rollout(env, 3, lambda _: iter(()))}
     first, second = (frames(films.write_film(env, rollouts, Path(name))) for name in ("first", "second"))
-    assert np.abs(first - second).mean() < 2  # x264 encodes small frames alike but for a grey level, see `rgb_encoder`
+    # x264 may encode the same small frames otherwise by a grey level; see `rgb_encoder`.
+    assert np.abs(first - second).mean() < 2
     env.close()
 
 
