@@ -24,8 +24,6 @@ from lerobot_env_bimanual.verification.result_files import ResultFile
 
 OUTLIER_CM = 4
 MIN_MOTION_CM = 1
-MIN_HANDS = 20
-"""Results with fewer hands are not shown."""
 
 
 def main() -> None:
@@ -39,24 +37,18 @@ def main() -> None:
     parser.add_argument("--policy", help="of one policy only; by default of all")
     options = parser.parse_args()
     results = [ResultFile.read(path) for path in result_paths(options.results)]
-    rows = [
-        row for result in results if options.policy in (None, result.policy_id) for row in rows_of(result)
-    ]
+    rows = [row(result) for result in results if options.policy in (None, result.policy_id)]
     print(pd.DataFrame(rows).to_string(index=False, float_format="%.2f"))
 
 
-def rows_of(result: ResultFile) -> Iterator[dict[str, str | int | float]]:
-    """The row of a result with enough hands: mean errors in cm, and the correlation along world x, y and z."""
+def row(result: ResultFile) -> dict[str, str | int | float]:
+    """Mean errors of a result in cm, and their correlation along world x, y and z."""
     result.check_world()
-    found = [*errors_cm(result)]
-    if len(found) >= MIN_HANDS:
-        first, second = np.moveaxis(np.array(found), 1, 0)
-        means = {
-            "first_cm": np.linalg.norm(first, axis=1).mean(),
-            "second_cm": np.linalg.norm(second, axis=1).mean(),
-        }
-        along = {axis: np.corrcoef(first[:, each], second[:, each])[0, 1] for each, axis in enumerate("xyz")}
-        yield {"result": result.name, "hands": len(found)} | means | along
+    errors = np.reshape([*errors_cm(result)], (-1, 2, 3))
+    first, second = (pd.DataFrame(errors[:, keypose], columns=[*"xyz"]) for keypose in range(2))
+    first_cm, second_cm = (np.linalg.norm(each, axis=1).mean() for each in (first, second))
+    counts = {"result": result.name, "hands": len(errors), "first_cm": first_cm, "second_cm": second_cm}
+    return counts | first.corrwith(second).to_dict()
 
 
 def errors_cm(result: ResultFile) -> Iterator[NDArray[np.float64]]:

@@ -38,5 +38,7 @@ def test_each_hand_is_as_far_off_as_it_was_moved_and_hands_that_went_elsewhere_a
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
-def test_few_hands_make_no_row(result: ResultFile) -> None:
-    assert not [*kept_errors.rows_of(result)]
+def test_a_row_has_the_means_and_the_correlation_of_all_hands(result: ResultFile) -> None:
+    row = kept_errors.row(result)
+    assert [row[name] for name in ("hands", "first_cm", "second_cm")] == pytest.approx([4, 1.5, 1.125])
+    assert row["z"] == pytest.approx(np.corrcoef([1, 1, 2, 2], [1, 0.5, 2, 1])[0, 1], abs=1e-4)
