@@ -18,6 +18,7 @@ from lerobot_env_bimanual.options import EnvOptions
 
 if TYPE_CHECKING:  # Gymnasium's vector environments are slow to import
     import gymnasium as gym
+    from lerobot.processor import PolicyProcessorPipeline
 
     from lerobot_env_bimanual.vector.evaluation import Evaluation
 
@@ -65,6 +66,14 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
     def gym_kwargs(self) -> dict[str, Any]:
         """Keyword arguments of `BimanualEnv` besides the task."""
         return self.keywords() | {"results_dir": None}
+
+    def get_env_processors(self) -> tuple[PolicyProcessorPipeline, PolicyProcessorPipeline]:
+        """LeRobot's processors of observations, of which there are none, and of actions."""
+        from lerobot.processor import PolicyProcessorPipeline
+
+        from lerobot_env_bimanual.processor_bimanual import RoundJointActions
+
+        return PolicyProcessorPipeline(steps=[]), PolicyProcessorPipeline(steps=[RoundJointActions()])
 
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False

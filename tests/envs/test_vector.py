@@ -11,6 +11,7 @@ from functools import partial
 import draccus
 import numpy as np
 import pytest
+import torch
 from lerobot.configs import FeatureType
 from lerobot.envs.configs import EnvConfig
 from lerobot.envs.factory import make_env
@@ -20,6 +21,9 @@ from lerobot.utils.feature_utils import dataset_to_policy_features
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
+from lerobot_bimanual.results.proof import actions_to_text
 from lerobot_env_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.conditions import AtRest
 from lerobot_env_bimanual.env import BimanualEnv
@@ -258,6 +262,15 @@ def test_the_declared_action_follows_the_control_mode(mode, length):
     config = BimanualEnvConfig(control_mode=mode)
     assert config.features[schema.ACTION].shape == (length,)
     assert BimanualEnv("push_box", **config.gym_kwargs).action_space.shape == (length,)
+
+
+def test_joint_actions_are_rounded_for_small_results_and_keyposes_are_not():
+    _, process = BimanualEnvConfig().get_env_processors()
+    joints, keyposes = torch.rand(50, JOINT_ACTION_DIM), torch.rand(50, KEYPOSE_DIM)
+    rounded = process({schema.ACTION: joints})[schema.ACTION]
+    torch.testing.assert_close(rounded, joints, rtol=0, atol=0.5 / 4096)
+    assert len(actions_to_text(rounded)) < 0.8 * len(actions_to_text(joints))
+    assert torch.equal(process({schema.ACTION: keyposes})[schema.ACTION], keyposes)
 
 
 def test_environments_are_grouped_by_suite_and_a_task_alone_is_a_group():
