@@ -18,7 +18,7 @@ class RoundJointActions(PolicyActionProcessorStep):
     """Rounds joint actions (n, 16) to multiples of 1 / 4096; other actions stay as they are.
 
     A network's last bits are noise that cannot be compressed. Without them a result, which holds every action, takes about
-    half the bytes.
+    40 % fewer bytes.
     """
 
     def action(self, action: Tensor) -> Tensor:
