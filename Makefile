@@ -1,7 +1,8 @@
 # Every target sets up by itself (scripts/setup.sh); nothing needs to be installed or activated first.
 BIN := .venv/bin
 # Test files run side by side, each on one core.
-PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
+# A worker that crashes ends the run: pytest-xdist may wait for ever for the tests that a new one is given.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile --max-worker-restart=0
 .DEFAULT_GOAL := help
 # Of compiled modules LeRobot is imported in six seconds, otherwise in fifteen, by every program that a test starts.
 unexport PYTHONDONTWRITEBYTECODE
