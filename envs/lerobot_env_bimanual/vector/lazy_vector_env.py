@@ -285,10 +285,11 @@ def _named_death(processes: Sequence[BaseProcess] = ()) -> Iterator[None]:
             if process.sentinel in dead
         ]
         which = f"of environment {', '.join(ends)}" if ends else "of an environment"
+        # The frames of the traceback hold the bytes that were not sent, on which garbage collection crashes in Python 3.12.1.
         raise WorkerDied(
             f"the worker process {which} died, most likely killed for want of memory: reset() starts all environments "
             "anew, perhaps after making fewer of them (--eval.batch_size)"
-        ) from error
+        ) from error.with_traceback(None)
 
 
 def _checked_seeds(seed: Any, count: int) -> list[int | None]:
