@@ -67,7 +67,7 @@ class Comparison:
 
     @property
     def p_value(self) -> float:
-        """Two-sided p-value of that test.
+        """Two-sided p-value of a sign-flip test over the episodes.
 
         Trainings are tested on the same episodes, and what is hard for one is hard for the others. So an episode counts
         once, with the mean over its trainings; for one training of each that is McNemar's test.
