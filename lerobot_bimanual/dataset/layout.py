@@ -1,7 +1,6 @@
 """Whether a dataset has the columns of the schema, and of which types they are."""
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,7 @@ def column_types(features: Features) -> dict[str, pa.DataType]:
     scalars = feature_table.SCALARS | plans
     types = {key: pa.type_for_alias(dtype) for key, dtype in scalars.items()}
     for key in (key for key in (*schema.VECTORS, schema.WRIST_EXTRINSICS, schema.ACTION) if key in features):
-        size = math.prod(features[key]["shape"])
+        (size,) = features[key]["shape"]
         types[key] = pa.float32() if size == 1 else pa.list_(pa.float32(), size)
     return types
 
