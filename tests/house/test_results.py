@@ -16,15 +16,16 @@ from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.robustness import expert_robustness_page
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.expert_report import ExpertReport
-from lerobot_bimanual.results.robustness import perturb_text, read_expert_robustness
+from lerobot_bimanual.results.robustness import RobustnessResult, perturb_text, read_expert_robustness
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.sweep.conditions import conditions_of
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
-PATHS = sorted(path for path in ROOT.glob("results/**/*_seed*.json") if path.parent.name != "robustness")
+PATHS = sorted(ROOT.glob("results/**/*_seed*.json"))
 ROWS = {path: BenchmarkResult.read(path) for path in PATHS}
+SWEEPS = {path: RobustnessResult.read(path) for path in ROOT.glob("results/**/robustness/*.json")}
 BOARD = {path: row for path, row in ROWS.items() if path.parent.name == "leaderboard"}
 ROWS_PLAYED = 20
 """So that the test takes no longer the more rows there are."""
@@ -45,10 +46,12 @@ def test_the_page_of_results_is_that_of_the_rows(monkeypatch: pytest.MonkeyPatch
     assert page.read_text() == benchmark_page(read_results(folder), folder)
 
 
-def test_every_row_is_of_the_world_of_the_experts():
+def test_every_row_and_sweep_is_of_the_world_of_the_experts():
     for path, row in ROWS.items():
         if not row.config.perturb:
             assert row.world == WORLDS[row.config.setting][row.task], path
+    for path, sweep in SWEEPS.items():
+        assert sweep.nominal.world == WORLDS[sweep.config.options["setting"]][sweep.task], path
 
 
 @pytest.mark.slow
