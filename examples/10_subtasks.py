@@ -20,28 +20,35 @@ from lerobot.datasets.io_utils import load_info, write_info
 from lerobot.datasets.language import language_feature_info
 
 from lerobot_bimanual.dataset.checksums import write_checksums
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import expert, run_episode
+from lerobot_env_bimanual.experts.runner import expert, replanning, run_episode
 
 
-def stage_names(task: str, split: str, variation: int, seed: int) -> list[str]:
-    """The expert's stages of an episode, which its key determines."""
-    env = BimanualEnv(task, obs="state", control_mode="keypose", split=split)
+def stage_names(made: Provenance, key: EpisodeKey) -> list[str]:
+    """The expert's stages of an episode, which its key and the settings of its dataset determine."""
+    world = {"split": key.split, "setting": made.setting, "perturb": made.perturb}
+    env = BimanualEnv(key.task, obs="state", control_mode="keypose", **world)
     names: list[str] = []
-    run_episode(env, seed, expert(), lambda move: names.append(move.name), variation)
+    player = expert(plan=key.plan) if key.plan else replanning()
+    run_episode(env, key.seed, player, lambda move: names.append(move.name), key.variation)
     env.close()
     return names
 
 
 def annotate(view: Path) -> None:
     """Write the language columns of one view, declare them, and write its checksums again."""
+    made = Provenance.of_dataset(view)
+    if made is None:
+        raise SystemExit(
+            f"{view} does not say how it was made: only what `dataset generate` wrote is annotated"
+        )
     episodes = list(iter_episodes(view))
     with tempfile.TemporaryDirectory() as folder:
         for episode in episodes:
             rows = episode.frames_df()
-            key = rows.iloc[0]
-            names = stage_names(key["task_name"], key["split"], int(key["variation"]), int(key["seed"]))
+            names = stage_names(made, made.episodes[episode.episode_index])
             begins_s = rows.groupby(KEYPOSE_STEP)["timestamp"].first()
             subtasks = [
                 {"role": "assistant", "style": "subtask", "content": name, "timestamp": float(begins_s[step])}

@@ -25,7 +25,7 @@ class DiscreteKeypose:
 
     Attributes:
         voxel: (..., 2, 3) index along x, y, z; outside [0, voxels) where the position lies outside.
-        rotation: (..., 2, 3) bin of each extrinsic xyz Euler angle; bin k stands for 5k - 180 degrees.
+        rotation: (..., 2, 3) bin of each extrinsic xyz Euler angle; bin k means `rotation_bin_deg` * k - 180 degrees.
         gripper_open: (..., 2) 0 or 1.
         ignore_collisions: (..., 2) 0 or 1.
     """

@@ -66,7 +66,7 @@ def discover_keyframes(actions: ArrayLike) -> list[int]:
             rested += 1
             if changed[frame]:
                 if gripped is not None:
-                    keyframes.append(min(gripped + GRIPPER_FRAMES, frame))
+                    keyframes.append(min(gripped + GRIPPER_FRAMES, frame - 1))
                 gripped = frame
             continue
         if (moved and rested >= MIN_REST_FRAMES) or gripped is not None or changed[frame]:

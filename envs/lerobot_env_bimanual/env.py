@@ -300,7 +300,10 @@ class BimanualEnv(gym.Env):
             video.close("success" if self.progress.succeeded else ended)
 
     def state_hash(self) -> str:
-        """SHA-256 of everything that decides how the episode goes on."""
+        """SHA-256 of the state of the physics, of what the arms are told, and of conditions on the way.
+
+        The planner's generator and counts are not in it; seed and actions determine them.
+        """
         return self.progress.joined_hash(self.scene.state_hash())
 
     @property

@@ -40,7 +40,8 @@ class Registry[T]:
         """Name of every entry that is found without an import -> the module that registers it."""
         announced = entries(self._group)
         for name in [name for name in announced if not name.isidentifier()]:
-            logger.warning("skipped: the %s %s%s has no name", self._kind, shown(name), self._source(name))
+            named = self._kind, shown(name), self._source(name)
+            logger.warning("skipped: the %s %s%s must be called by letters, digits and _ alone", *named)
             del announced[name]
         return {name: entry.module for name, entry in announced.items()} | dict(self._own)
 

@@ -38,7 +38,10 @@ def write_checksums(root: Path) -> None:
     files.pop(CHECKSUMS_FILE.as_posix(), None)
     if odd := [name for name in files if not name.isprintable() or "\\" in name]:
         raise DatasetError(f"{root}: no list of hashes can hold the name {odd[0]!r}")
-    lines = [f"{sha256(path)}  {name}\n" for name, path in sorted(files.items())]
+    try:
+        lines = [f"{sha256(path)}  {name}\n" for name, path in sorted(files.items())]
+    except OSError as error:
+        raise DatasetError(f"{error.filename} cannot be read ({error.strerror})") from error
     write_file(root / CHECKSUMS_FILE, "".join(lines))
 
 

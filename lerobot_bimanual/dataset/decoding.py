@@ -21,6 +21,9 @@ from lerobot_bimanual.errors import DatasetError
 MAX_SIDE = 2**13
 """Pixels; no dataset of ours has larger images."""
 
+PADDING = 64
+"""Pixels that a video's decoder may add to each side."""
+
 SPAN = ("from_timestamp", "to_timestamp")
 """Where an episode begins and ends in its video, in seconds."""
 
@@ -82,6 +85,9 @@ class ImageReader:
                     raise ValueError(f"it has {len(container.streams)} streams, but must have one")
                 stream = container.streams.video[0]
                 _check_size(f"{key} in {path}", (stream.height, stream.width), self.shapes[key])
+                # A stream may go over to larger images after its header; decoders pad to whole blocks.
+                limit = (stream.height + PADDING) * (stream.width + PADDING)
+                stream.codec_context.options = {"max_pixels": str(limit)}
                 assert stream.time_base is not None
                 container.seek(int(first / self._fps / stream.time_base), stream=stream)
                 for frame in container.decode(stream):
@@ -89,6 +95,7 @@ class ImageReader:
                     if number >= end:
                         return
                     if number >= first:
+                        _check_size(f"{key} in {path}", (frame.height, frame.width), self.shapes[key])
                         pixels = np.asarray(frame.to_ndarray(format=pixel_format), kind)
                         yield pixels if millimetres is None else millimetres[pixels]
         except (OSError, IndexError, TypeError, ValueError, OverflowError, av.error.FFmpegError) as error:

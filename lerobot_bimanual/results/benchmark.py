@@ -25,7 +25,7 @@ Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
 Count = Annotated[int, Field(ge=1, le=10**9 - 1)]
 MAX_CHECKPOINTS = 10_000
 """A larger number is a mistake, and a list of so many steps would fill the memory."""
-MAX_FILE_NAME = 180
+MAX_FILE_NAME = 170
 """File systems allow 255, of which `write_file` needs some for its own."""
 INCIDENTAL = ("num_workers", "wandb.enable", "keep_last")
 """Training options that decide nothing about what is learned."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, NonNegativeFloat, NonNegativeInt
 
-from lerobot_bimanual.results.proof import actions_from_text
+from lerobot_bimanual.results.proof import MAX_ACTIONS, MAX_NUMBERS, actions_from_text
 from lerobot_bimanual.results.record import Record, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
@@ -45,7 +45,14 @@ class Proof(Record):
         Raises:
             ValueError: they cannot be read.
         """
-        return [action for text in self.actions for action in actions_from_text(text)]
+        actions, numbers = list[NDArray[np.float32]](), 0
+        for text in self.actions:
+            found = actions_from_text(text)
+            actions.extend(found)
+            numbers += found.size
+            if len(actions) > MAX_ACTIONS or numbers > MAX_NUMBERS:
+                raise ValueError(f"{len(actions)} actions of {numbers} numbers are more than any episode has")
+        return actions
 
 
 class LoadMetrics(Record):

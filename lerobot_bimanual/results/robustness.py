@@ -96,6 +96,7 @@ class RobustnessConfig(_SweepConfig):
         options: of the nominal environment, by name.
         episodes: of each condition, on consecutive seeds.
         batch_size: environments side by side.
+        policy_flags: device and precision, where they are not the checkpoint's.
     """
 
     policy: Name
@@ -103,6 +104,7 @@ class RobustnessConfig(_SweepConfig):
     options: dict[str, str]
     episodes: EpisodeCount
     batch_size: PositiveInt
+    policy_flags: tuple[str, ...] = ()
 
 
 class _Sweep[Config: _SweepConfig, Each: Condition](Record):

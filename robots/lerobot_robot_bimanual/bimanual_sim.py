@@ -58,9 +58,8 @@ class UntimedEnv(BimanualEnv):
 
     @property
     def episode_name(self) -> str:
-        """Name of the episode: task, perturbation, variation, split and seed."""
-        world = f"{self.task} with {self.options.perturb}" if self.options.perturb else self.task
-        return f"{world}, variation {self.variation}, {self.options.split} seed {self.progress.seed}"
+        """Name of the episode: task, perturbation, setting, split, variation and seed."""
+        return f"{self._world_name}, variation {self.variation}, seed {self.progress.seed}"
 
 
 class BimanualSim(Robot):

@@ -48,6 +48,7 @@ ROBUSTNESS = RobustnessResult(
         policy="mine",
         checkpoint_sha256="0f" * 32,
         options={"split": "test", "variation": "any"},
+        policy_flags=("--use_amp=false",),
         episodes=10,
         batch_size=2,
         versions=dict.fromkeys(SIMULATION_PACKAGES, "3"),

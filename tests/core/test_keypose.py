@@ -78,6 +78,7 @@ RECORDINGS = {
     "a gripper change while moving": ((1, 19), (8, 12), [8, 19]),
     "a gripper event before the first motion": ((12, 6, 3), (2, 19), [12, 20]),
     "grippers that change one after the other at rest": ((1, 5, 40), (10, 20, 16), [20, 45]),
+    "grippers that change shortly after each other at rest": ((1, 5, 28), (10, 4, 20), [13, 33]),
     "resting at the start alone is no keyframe": ((10, 5), (15,), [14]),
     "one frame": ((1,), (1,), []),
 }

@@ -12,7 +12,7 @@ from lerobot.utils.constants import DEFAULT_FEATURES
 from sample_results import provenance
 
 from lerobot_bimanual.dataset import feature_table, schema
-from lerobot_bimanual.dataset.card import write_card
+from lerobot_bimanual.dataset.card import MEANINGS, write_card
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.layout import check_features
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
@@ -143,6 +143,7 @@ def test_a_card_explains_every_column_and_how_to_make_the_dataset_again(root, sn
     card = (root / "README.md").read_text()
     described = re.findall(r"^\| `(\S+)`", card, re.MULTILINE)
     assert read_info(root)["features"].keys() - DEFAULT_FEATURES <= {*described}
+    assert feature_table.PLANS.keys() <= MEANINGS.keys()
     assert card == snapshot
 
 

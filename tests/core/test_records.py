@@ -142,6 +142,7 @@ def test_actions_come_back_to_the_last_bit_whatever_they_are(bits):
     [
         ("7:", "must begin with their number"),
         ("9999x9999:", "more than any episode"),
+        ("999999x0:", "more than any episode"),
         ("1x1:00000", "cannot be unpacked"),
         (actions_to_text([[1.0, 2.0]]).replace("1x2", "1x3"), "not the 1 x 3 numbers"),
         (actions_to_text([[1.0, 2.0]])[:-5], "cannot be unpacked|not the 1 x 2"),

@@ -132,6 +132,8 @@ def test_the_log_forgets_episodes_of_other_versions_and_of_another_packages_chan
         assert EpisodeLog(path).get(SECOND) == outcome(success=False)
         file.write_text(file.read_text().replace(old, new))
         assert EpisodeLog(path).get(FIRST) is None
+    log.keep(FIRST, outcome())  # by a process that still runs the code of before
+    assert EpisodeLog(path).get(FIRST) is None
     log.remove()
     assert not path.exists()
 

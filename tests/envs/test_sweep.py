@@ -144,7 +144,7 @@ def test_the_open_loop_baseline_plays_the_mean_keyposes_of_the_variation_that_th
     MadeUpEvaluator.specs.clear()
     solved_seeds(MadeUpEvaluator(), "expert", keys, template, [0])  # type: ignore[arg-type]
     players = [(spec.player, spec.perturb) for spec in MadeUpEvaluator.specs]
-    assert players == [("expert", ""), ("replanning", "nudge:1")]
+    assert players == [("replanning", ""), ("replanning", "nudge:1")]
 
 
 def test_an_interrupted_sweep_keeps_its_conditions_and_continues(tmp_path, monkeypatch, capsys):

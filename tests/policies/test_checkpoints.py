@@ -1,6 +1,7 @@
 """A checkpoint is data: nothing that it names runs, and what is missing, damaged or unknown is named in one line."""
 
 import contextlib
+import os
 import pickle
 import shutil
 from collections.abc import Callable
@@ -29,6 +30,8 @@ PREPROCESSOR, POSTPROCESSOR = "policy_preprocessor.json", "policy_postprocessor.
 BIAS = "network.stem.conv.bias"
 FRONT = "observation.images.front"
 FAR = {"type": "ACTION", "shape": [10**12]}
+HUGE = {"type": "VISUAL", "shape": [3, 2**14, 2**14]}
+ABSURD = b'{"a":{"dtype":"F32","shape":[0,9223372036854775808],"data_offsets":[0,0]}}'
 FLOAT8 = torch.float8_e4m3fn
 
 Damage = Callable[[Path], Any]
@@ -72,6 +75,10 @@ def write(name: str, content: bytes) -> Damage:
     return lambda folder: (folder / name).write_bytes(content)
 
 
+def pipe(name: str) -> Damage:
+    return lambda folder: [(folder / name).unlink(), os.mkfifo(folder / name)]
+
+
 def remove(name: str) -> Damage:
     return lambda folder: (folder / name).unlink()
 
@@ -85,6 +92,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "a config without end": (write(CONFIG, b" " * (2**26 + 1)), "exceeds the limit of 65536 kB"),
     "no config": (remove(CONFIG), "no checkpoint at"),
     "no weights": (remove(WEIGHTS), "model.safetensors is not a valid safetensors file .missing"),
+    "weights from a pipe": (pipe(WEIGHTS), "model.safetensors is not a valid safetensors file .missing"),
     "pickled weights": (write(WEIGHTS, pickle.dumps({"network": [1, 2]})), "not a valid safetensors file"),
     "a tensor missing": (weights(lambda tensors: tensors.pop(BIAS)), f"lacks tensors.*{BIAS}"),
     "a tensor too many": (weights(lambda tensors: tensors.update(more=torch.ones(1))), "unknown.* more"),
@@ -101,6 +109,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "a device of any text": (processor_step(2, {"device": "rm -rf"}), "device: .* pattern"),
     "a feature too large": (processor_step(3, {"features": {"a": FAR}}), "features.a.shape.0: .* less than"),
     "an output too large": (config(output_features={"action": FAR}), "shape.0: .* less than"),
+    "an image too large": (config(input_features={FRONT: HUGE}), "shape: must have at most"),
     "an odd shape": (config(input_features={FRONT: {"type": "VISUAL", "shape": "x"}}), "shape: .* is 'x'"),
     "more beside the steps": (edit(PREPROCESSOR, lambda value: value.update(more=1)), "more: .* permitted"),
     "float8": (weights(lambda held: held.update({BIAS: held[BIAS].to(FLOAT8)})), f"{BIAS} in .*{FLOAT8},"),
@@ -110,6 +119,13 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
             step(state_file="a.safetensors")(folder),
         ],
         "a in .*a.safetensors holds numbers that are not finite",
+    ),
+    "a state of an absurd shape": (
+        lambda folder: [
+            (folder / "a.safetensors").write_bytes(len(ABSURD).to_bytes(8, "little") + ABSURD),
+            step(state_file="a.safetensors")(folder),
+        ],
+        "a.safetensors is not a valid safetensors file",
     ),
 }
 
@@ -139,18 +155,18 @@ def test_a_checkpoint_with_changed_bytes_is_read_or_refused(data, sound, tmp_pat
         check_checkpoint(folder)
 
 
-def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(tiny_checkpoint, tmp_path):
+def test_a_program_in_a_checkpoint_does_not_run(checkpoint, tmp_path):
     marker = tmp_path / "it_ran"
     (tmp_path / "meta").mkdir()
     (tmp_path / "meta" / "info.json").write_text('{"total_frames": 1}')
     for name in (PREPROCESSOR, POSTPROCESSOR):
         stranger = {"class": "subprocess.Popen", "config": {"args": ["touch", str(marker)]}}
-        edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(tiny_checkpoint)
+        edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(checkpoint)
         for command in ("check", "accuracy", "inspect"):
             data = [] if command == "check" else [f"--root={tmp_path}"]
-            assert cli.main(["policy", command, f"--checkpoint={tiny_checkpoint}", *data]) == 1
+            assert cli.main(["policy", command, f"--checkpoint={checkpoint}", *data]) == 1
         with pytest.raises(CheckpointError, match=r"subprocess\.Popen.*Do not load"):
-            load_policy(tiny_checkpoint)
+            load_policy(checkpoint)
     assert not marker.exists()
 
 

@@ -71,7 +71,9 @@ def test_training_tells_the_moved_label(make_leader_follower, leader, make_batch
     assert seen["follower"][:, 4:].abs().max() <= 1
 
 
-def test_when_acting_the_follower_is_told_the_prediction_of_the_leader(policy, leader, make_batch):
+@pytest.mark.parametrize("dtype", ["float32", "bfloat16"])
+def test_when_acting_the_follower_is_told_the_prediction_of_the_leader(policy, leader, make_batch, dtype):
+    policy.config.dtype = dtype
     seen, batch = spy(policy), make_batch(samples=4)
     best = policy.predict(policy.observe(batch), None).best()
     torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, best, leader))

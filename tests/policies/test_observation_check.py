@@ -152,8 +152,8 @@ def test_another_task_and_another_size_are_warned_of_once(make_policy, make_batc
     restored = type(policy).from_pretrained(tmp_path)
     assert restored.config.trained_instructions == ("push the box",)
     assert restored.config.trained_worlds == {"push_box": "0123456789ab"}
-    for _ in range(2):
-        restored.select_action(make_batch())
+    for sentence in ("lift the ball 0", "tidy up"):
+        restored.select_action(make_batch() | {"task": [sentence] * 2})
     size, task = warnings_of(caplog)
     assert re.search(r"images of 32 x 24 .*front has 16 x 16.*--env\.image_size=32x24", size)
     assert re.search(r"never trained with 'lift the ball 0', but with 'push the box': .*--env\.task", task)
@@ -169,6 +169,10 @@ def test_a_batch_of_rows_is_completed_with_the_calibration_of_all_rows(make_poli
     rows = {key: value for key, value in batch.items() if key != CAMERA_INTRINSICS}
     rows[WRIST_EXTRINSICS] = rows.pop(CAMERA_EXTRINSICS)[:, 48:]
     assert torch.equal(policy(rows)[0], policy(batch)[0])
+    wrists = rows.pop(WRIST_EXTRINSICS)
+    with pytest.raises(BadObservation, match=CAMERA_EXTRINSICS):
+        policy(rows)
+    rows[WRIST_EXTRINSICS] = wrists
     policy.dataset_features = {}
     with pytest.raises(BadObservation, match=CAMERA_EXTRINSICS):
         policy(rows)

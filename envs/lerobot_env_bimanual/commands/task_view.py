@@ -55,7 +55,7 @@ def task_view(config: TaskViewConfig) -> None:
     check_output_folder(config.output)
 
     from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.experts.runner import expert_of
+    from lerobot_env_bimanual.experts.runner import replanning
     from lerobot_env_bimanual.rendering.film import rollout, write_film
     from lerobot_env_bimanual.sweep.checkpoint import Checkpoint, require_safe
 
@@ -64,7 +64,7 @@ def task_view(config: TaskViewConfig) -> None:
     chosen = {name: getattr(config, name) for name in ("variation", "split", "setting", "perturb")}
     options: dict[str, Any] = {"render_quality": config.quality, **chosen, **seen}
     env = BimanualEnv(config.task, **options)
-    players = {"expert": expert_of(env)}
+    players = {"expert": replanning()}
     if config.checkpoint is not None:
         if not config.trust_checkpoint:
             require_safe(config.checkpoint)

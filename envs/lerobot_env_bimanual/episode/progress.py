@@ -105,7 +105,7 @@ class EpisodeProgress:
         self.conditions = check(conditions, scene, self.conditions | self.on_the_way)
 
     def joined_hash(self, scene_hash: str) -> str:
-        """SHA-256, in hex, of a scene's hash and of what else decides how the episode goes on."""
+        """SHA-256, in hex, of a scene's hash, what the arms are told, and conditions on the way."""
         digest = hashlib.sha256(f"{scene_hash} {sorted(self.on_the_way.items())}".encode())
         for array in (self.asked, self.change, self.wanted, self.felt_n, self.pressed_steps):
             digest.update(array.tobytes())

@@ -164,7 +164,7 @@ class RehearsalView(SceneView):
     def copy_from(self, scene: SceneView) -> None:
         """Start from another scene's present state."""
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = scene.data.qpos
+        self.data.qpos[:], self.data.userdata[:] = scene.data.qpos, scene.data.userdata
         self._commanded = scene.commanded
         self._carried.clear()
         self._refresh()

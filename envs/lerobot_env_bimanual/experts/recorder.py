@@ -22,7 +22,7 @@ from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.experts.plans import demonstrator
-from lerobot_env_bimanual.experts.runner import expert_of, run_episode
+from lerobot_env_bimanual.experts.runner import replanning, run_episode
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.world.scene import SceneState
 
@@ -112,7 +112,7 @@ class Recorder:
         tape = Tape(env, lambda: len(keyposes) - 1)
         with env.observed_by(tape.note):
             codec = KeyposeCodec(voxels=voxels) if voxels else None
-            player = expert_of(env, codec) if plan is None else partial(demonstrator, plan=plan, codec=codec)
+            player = replanning(codec) if plan is None else partial(demonstrator, plan=plan, codec=codec)
             outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action), variation)
         if not outcome.success:
             return outcome, None

@@ -5,7 +5,7 @@ and use it for several stages. That is right as long as only the hands move them
 expert starts its script again.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +16,8 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
-from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport, PlayerName
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.stage import stages_and_targets
 from lerobot_env_bimanual.world.scene_view import SceneView
 
@@ -65,18 +64,11 @@ def expert(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
     return play
 
 
-def expert_under(axes: Iterable[str]) -> PlayerName:
-    """Name of the expert under axes of these names: the replanning one if an axis moves things during the episode."""
-    return "replanning" if any(AXES.get(axis).disturb for axis in axes) else "expert"
-
-
-def expert_of(env: BimanualEnv, codec: KeyposeCodec | None = None) -> Player:
-    """The expert of an environment, the same in demonstrations, sweeps and reports; `codec` as in `expert`."""
-    return {"expert": expert, "replanning": replanning}[expert_under(env.perturbations.magnitudes)](codec)
-
-
 def replanning(codec: KeyposeCodec | None = None) -> Player:
-    """As `expert`, started again from the present scene each time that an axis of perturbation has moved things."""
+    """As `expert`, started again from the present scene each time that an axis of perturbation has moved things.
+
+    Where none does, it is the expert.
+    """
     script = expert(codec)
 
     def play(env: BimanualEnv) -> Iterator[Move]:
@@ -198,7 +190,7 @@ def play_expert(task: str, seed: int = 0, **options: Any) -> Iterator[Frame]:
 
     try:
         env.reset(seed=seed)
-        for move in expert_of(env)(env):
+        for move in replanning()(env):
             with env.observed_by(note):
                 _, _, terminated, truncated, _ = env.step(move.action)
             yield from frames

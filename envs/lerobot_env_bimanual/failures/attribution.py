@@ -22,7 +22,7 @@ from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import expert_of
+from lerobot_env_bimanual.experts.runner import replanning
 from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
@@ -84,18 +84,8 @@ class FailureAttributor:
         Raises:
             BimanualError: the replay differs from the record.
         """
+        kind, event, states, expert_solves = self._classified(episode)
         actions = recorded_actions(episode)
-        self._reset(episode, self._expert_env)
-        moves = expert_of(self._expert_env)(self._expert_env)
-        self._expert, _, expert_events = self._play(self._expert_env, (move.action for move in moves))
-        expert_solves = self._expert_env.progress.succeeded
-        self._reset(episode, self._env)
-        _, states, events = self._play(self._env, actions, episode.failure or "")
-        if self._env.progress.ticks != episode.ticks or self._env.progress.succeeded:
-            raise BimanualError(
-                f"seed {episode.seed} replays otherwise than recorded; `lerobot-bimanual results verify` says where"
-            )
-        kind, event = classify(self._env.task, events, expert_events)
         index, responsible = None, Responsible.EXPERT_FAILS
         is_joint = self._env is not self._expert_env  # which refuses keyposes
         if is_joint or any(action.size not in (0, KEYPOSE_DIM) for action in actions):
@@ -111,6 +101,24 @@ class FailureAttributor:
             reached=None if index is None else min(1.0, index / len(self._expert)),
             responsible=responsible,
         )
+
+    def failure_class(self, episode: Episode) -> FailureClass:
+        """The class of a failed episode alone, without the search; errors as above."""
+        return self._classified(episode)[0]
+
+    def _classified(self, episode: Episode) -> tuple[FailureClass, str, list[Any], bool]:
+        """Class and event of a failed episode, its states, and whether the expert solves it."""
+        self._reset(episode, self._expert_env)
+        moves = replanning()(self._expert_env)
+        self._expert, _, expert_events = self._play(self._expert_env, (move.action for move in moves))
+        expert_solves = self._expert_env.progress.succeeded
+        self._reset(episode, self._env)
+        _, states, events = self._play(self._env, recorded_actions(episode), episode.failure or "")
+        if self._env.progress.ticks != episode.ticks or self._env.progress.succeeded:
+            raise BimanualError(
+                f"seed {episode.seed} replays otherwise than recorded; `lerobot-bimanual results verify` says where"
+            )
+        return *classify(self._env.task, events, expert_events), states, expert_solves
 
     def _reset(self, episode: Episode, env: BimanualEnv) -> None:
         env.reset(seed=episode.seed, options={"variation": episode.variation})

@@ -49,12 +49,10 @@ def build_dataset(staging: Staging, record: RecordShards) -> list[ShardReport]:
     finished: list[tuple[Shard, ShardReport]] = []
     with tqdm(total=settings.total_episodes, unit="demo", smoothing=0) as bar:
         while shards := next_round(settings, [report for _, report in finished]):
-            folders = [staging.shard_folder(shard) for shard in shards]
             missing = [
-                (settings, shard, folder)
-                for shard, folder in zip(shards, folders, strict=True)
-                if not folder.exists()
+                (settings, shard, staging.shard_folder(shard)) for shard in shards if not staging.has(shard)
             ]
+            bar.update(sum(len(staging.report(shard).episodes) for shard in shards if staging.has(shard)))
             record(missing, bar.update)
             finished += [(shard, staging.report(shard)) for shard in shards]
     reports = [report for _, report in finished]

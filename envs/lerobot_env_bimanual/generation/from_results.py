@@ -52,7 +52,7 @@ def record_replays(part: Part, cameras: tuple[str, ...], size: tuple[int, int], 
             played = tape.demonstration(np.array(keyposes))
             if any(each.size == JOINT_ACTION_DIM for each in actions):
                 played = _with_reached_keyposes(played)
-            reason = "" if episode.success else str(attributor(episode).failure_class)
+            reason = "" if episode.success else str(attributor.failure_class(episode))
             outcome = {
                 feature_table.SUCCESS: np.array([episode.success]),
                 feature_table.FAILURE_CLASS: reason,
@@ -82,7 +82,7 @@ def _with_reached_keyposes(episode: Demonstration) -> Demonstration:
     actions = np.array([step.action for step in episode.steps]).reshape(-1, JOINT_ACTION_DIM)
     ends = discover_keyframes(actions) or [len(actions) - 1]
     poses = np.array([episode.steps[end].observation[schema.EE_POSE] for end in ends])
-    is_open = by_arm(actions)[np.maximum(np.array(ends) - 1, 0), :, -1:] > 0.5
+    is_open = by_arm(actions)[ends, :, -1:] > 0.5
     free = np.ones_like(is_open)
     keyposes = np.concatenate([poses.reshape(-1, len(ARMS), 7), is_open, free], axis=-1)
     stages = np.searchsorted(ends[:-1], np.arange(len(actions)), side="right").tolist()

@@ -93,6 +93,10 @@ class Staging:
         """Where a shard is stored as soon as it is finished."""
         return self.folder / SHARDS / shard.name
 
+    def has(self, shard: Shard) -> bool:
+        """Whether a shard is finished."""
+        return self.shard_folder(shard).exists()
+
     def count_finished(self) -> int:
         """Number of finished shards."""
         return sum(1 for _ in (self.folder / SHARDS).iterdir())

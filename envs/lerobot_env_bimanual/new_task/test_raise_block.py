@@ -1,4 +1,4 @@
-"""The expert solves the task, and a motion without observation does not."""
+"""The expert solves the task."""
 
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode

@@ -1,7 +1,5 @@
 """Axes that change the arms: `arm_late`, `command_noise`, `grip_force`, `misses`, `start_posture`."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,44 +16,32 @@ N_POSTURES = 20
 """Start postures that are drawn; the first that can be used is taken."""
 
 
-@dataclass
-class LateArm:
-    """Which arm is late, and the latest actions, oldest first."""
-
-    arm: int
-    actions: list[Action]
-
-
-def _delay_arm(moment: Moment[LateArm], action: Action) -> Action:
+def _delay_arm(moment: Moment[tuple[int, list[Action]]], action: Action) -> Action:
     """Give one arm the action of some ticks ago, or the first one while there is none so old."""
-    late = moment.memory or LateArm(int(moment.rng.integers(len(ARMS))), [action])
-    late.actions = [*late.actions[-int(moment.magnitude) :], action]
-    moment.remember(late)
+    arm, latest = moment.memory or (int(moment.rng.integers(len(ARMS))), [action])
+    latest = [*latest[-int(moment.magnitude) :], action]  # oldest first
+    moment.remember((arm, latest))
     told = action.copy()
-    by_arm(told)[late.arm] = by_arm(late.actions[0])[late.arm]
+    by_arm(told)[arm] = by_arm(latest[0])[arm]
     return told
 
 
 register(Axis(**data("arm_late"), command=_delay_arm, late_ticks=int))
 
 
-@dataclass(frozen=True)
-class Drift:
-    """Drift of the arms' joints, each (2, 7): signed share of the level's amplitude, and angular frequency."""
-
-    share: NDArray[np.float64]
-    rad_per_tick: NDArray[np.float64]
+type Drift = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Of the arms' joints, each (2, 7): signed share of the level's amplitude, and radians per tick."""
 
 
 def _draw_drift(start: Start[Drift]) -> None:
     shape = (len(ARMS), JOINTS_PER_ARM)
     share = start.rng.uniform(-1.0, 1.0, shape)
-    start.remember(Drift(share, 2 * np.pi / (start.rng.uniform(*DRIFT_PERIOD_S, shape) * CONTROL_HZ)))
+    start.remember((share, 2 * np.pi / (start.rng.uniform(*DRIFT_PERIOD_S, shape) * CONTROL_HZ)))
 
 
 def _add_drift(moment: Moment[Drift], action: Action) -> Action:
-    drift, told = moment.memory, action.copy()
-    offsets = drift.share * np.sin(drift.rad_per_tick * moment.progress.ticks)
+    (share, rad_per_tick), told = moment.memory, action.copy()
+    offsets = share * np.sin(rad_per_tick * moment.progress.ticks)
     by_arm(told)[:, :-1] += np.deg2rad(moment.magnitude) * offsets
     return told
 

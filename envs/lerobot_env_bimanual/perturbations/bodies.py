@@ -130,7 +130,10 @@ def _lift_enlarged(start: Start) -> None:
 
 
 def _height_above_support(scene: Scene, pose: Pose) -> float:
-    """Distance from a pose down to the first thing that does not move freely, m."""
+    """Distance from a pose down to the first thing that does not move freely, m.
+
+    From a pose at the very top of the table, such as the plate's, it is that down to the board's lower face, 5 cm.
+    """
     is_free = free_bodies(scene.model)
     point, found = pose.position.copy(), np.zeros(1, dtype=np.int32)
     down = np.array([0.0, 0.0, -1.0])

@@ -114,6 +114,7 @@ def _recolour_props(start: Start, appearance: Appearance) -> Appearance:
     worn = appearance.fields.get("geom_rgba", scene.model.geom_rgba).copy()
     own, of_props = _own_colours(scene, worn), _of_props(scene)
     colours, which = np.unique(own[of_props], axis=0, return_inverse=True)
+    which = which.ravel()  # NumPy 2.0.0 has it as a column
     levels = start.axis.levels
     draws = [(rng.choice((-1, 1)), _direction(rng)) for _ in range(N_COLOUR_CHANGES)]
     side, direction = min(draws, key=lambda draw: _named(colours, named, levels, *draw).sum())

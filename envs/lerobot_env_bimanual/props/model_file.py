@@ -5,6 +5,7 @@ from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import COARSE, FINE, UNSEEN
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class ModelFile:
     is_free: bool = True
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Attach the body, at the origin."""
+        """Attach the body, at the origin; what it shows is drawn in pictures of all sizes."""
         try:
             body = mujoco.MjSpec.from_file(self.path).worldbody.first_body()
         except ValueError as error:
@@ -33,5 +34,8 @@ class ModelFile:
             )
         attached = spec.worldbody.add_frame().attach_body(body, f"{self.name}_", "")
         attached.name, attached.pos, attached.quat = self.name, (0, 0, 0), (1, 0, 0, 0)
+        for each in (attached, *attached.find_all("body")):
+            for geom in each.geoms:
+                geom.group = {COARSE: 0, FINE: UNSEEN["group"]}.get(geom.group, geom.group)
         if self.is_free and not attached.joints:
             attached.add_freejoint()

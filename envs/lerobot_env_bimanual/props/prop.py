@@ -27,6 +27,9 @@ HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 UNSEEN = MappingProxyType({"group": 3})
 """Settings of a geom that touches but is not drawn."""
 
+COARSE, FINE = 1, 4
+"""Groups of the geoms of coarse looks, which MuJoCo draws unless told otherwise, and of fine ones for large pictures."""
+
 ON_RUBBER = MappingProxyType({"stiffness": 1000.0, "damping": 20.0, "armature": 0.5})
 """Settings of the slide of a handle that gives, in N/m, N s/m and kg: on a firm one a hand beside its arc would strain its wrist.
 The added inertia keeps fingers from sinking into it."""

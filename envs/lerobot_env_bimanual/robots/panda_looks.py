@@ -15,6 +15,7 @@ import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.meshes import Mesh, add_mesh, closed, draw_mesh
+from lerobot_env_bimanual.props.prop import COARSE, FINE
 
 type Point = tuple[float, float, float]
 type Section = tuple[float, float, float]
@@ -22,9 +23,6 @@ type Section = tuple[float, float, float]
 
 DARK = (0.13, 0.14, 0.16, 1.0)
 COLORS = {"white": (0.93, 0.94, 0.95, 1.0), "dark": DARK, "grey": (0.60, 0.62, 0.64, 1.0)}
-
-COARSE, FINE = 1, 4
-"""Groups of the geoms of coarse looks, which MuJoCo draws unless told otherwise, and of fine ones for large pictures."""
 
 
 @dataclass(frozen=True)

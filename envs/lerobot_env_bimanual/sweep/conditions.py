@@ -21,7 +21,6 @@ from lerobot_bimanual.results.robustness import (
     perturb_text,
 )
 from lerobot_env_bimanual.episode.progress import draw_episode
-from lerobot_env_bimanual.experts.runner import expert_under
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.perturbations.axis import Axis
@@ -105,9 +104,8 @@ def solved_seeds(
 ) -> dict[ConditionKey, tuple[int, ...]]:
     """The seeds that the expert or the open-loop baseline solves in each condition, ascending.
 
-    Where things are moved during an episode, the expert is the replanning one. The open-loop baseline knows the variation,
-    as a policy does from the instruction, and plays the mean keyposes of nominal training episodes. The `template` has
-    task, variation and split of all of them.
+    The expert is the replanning one. The open-loop baseline knows the variation, as a policy does from the instruction,
+    and plays the mean keyposes of nominal training episodes. The `template` has task, variation and split of all of them.
 
     Raises:
         BimanualError: an episode could not be played.
@@ -116,8 +114,7 @@ def solved_seeds(
     fixed = task.variation_index(template.variation)
     specs: dict[tuple[ConditionKey, int], EpisodeSpec] = {}
     for key, seed in product(conditions, seeds):
-        expert = expert_under(filter(None, key[:1]))
-        spec = replace(template, seed=seed, player=expert, perturb=perturb_text(*key))
+        spec = replace(template, seed=seed, player="replanning", perturb=perturb_text(*key))
         if player == "open_loop":
             drawn = draw_episode(task, template.split, seed, fixed).variation.index
             spec = replace(spec, player=player, mean_keyposes=evaluator.mean_keyposes(task.name, str(drawn)))

@@ -89,7 +89,7 @@ def play(spec: EpisodeSpec) -> EpisodeOutcome:
 
 
 class _Line(Record):
-    """One line of a log: SHA-256 of an episode's spec, and its outcome."""
+    """One line of a log: SHA-256 of the code and an episode's spec, and its outcome."""
 
     spec: str
     outcome: EpisodeOutcome
@@ -105,21 +105,25 @@ class EpisodeLog(Journal[_Line]):
     """
 
     def __init__(self, path: Path, *, exclusive: bool = False):
-        header = json.dumps(simulation_versions() | {"sources": _source_digest()}, sort_keys=True)
+        self._code = json.dumps(simulation_versions() | {"sources": _source_digest()}, sort_keys=True)
         super().__init__(path, _Line, exclusive=exclusive)
-        if self.header != header:
-            self.restart(header)
+        if self.header != self._code:
+            self.restart(self._code)
         self._outcomes = {line.spec: line.outcome for line in self.entries()}
 
     def get(self, spec: EpisodeSpec) -> EpisodeOutcome | None:
         """The outcome of an episode, if it is known."""
-        return self._outcomes.get(_key(spec))
+        return self._outcomes.get(self._key(spec))
 
     def keep(self, spec: EpisodeSpec, outcome: EpisodeOutcome) -> None:
         """Keep an outcome."""
-        key = _key(spec)
+        key = self._key(spec)
         self.add(_Line(spec=key, outcome=outcome))
         self._outcomes[key] = outcome
+
+    def _key(self, spec: EpisodeSpec) -> str:
+        """Of the code, too: a process that runs still adds lines below the header of one that began after an edit."""
+        return hashlib.sha256((self._code + json.dumps(asdict(spec), sort_keys=True)).encode()).hexdigest()
 
 
 def _source_digest() -> str:
@@ -134,14 +138,11 @@ def _source_digest() -> str:
         if spec is None or spec.origin is None:
             continue  # playing the task reports that it cannot be imported
         origin = Path(spec.origin)
-        files = sorted(path for path in origin.parent.rglob("*") if path.suffix in (".py", ".toml"))
-        for path in files if spec.submodule_search_locations else [origin]:
+        is_package = spec.submodule_search_locations is not None
+        found = origin.parent.rglob("*") if is_package else [origin]
+        for path in sorted(path for path in found if path.suffix in (".py", ".toml")):
             digest.update(f"{name}/{path.relative_to(origin.parent)}".encode() + path.read_bytes())
     return digest.hexdigest()
-
-
-def _key(spec: EpisodeSpec) -> str:
-    return hashlib.sha256(json.dumps(asdict(spec), sort_keys=True).encode()).hexdigest()
 
 
 class Evaluator(WorkerPool):

@@ -21,6 +21,7 @@ from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import dataset_row
 from lerobot_env_bimanual.experts.runner import Move, Player
+from lerobot_env_bimanual.processor_bimanual import RoundJointActions
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
 from lerobot_env_bimanual.vector.evaluation import record_name
 from lerobot_env_bimanual.vector.lerobot_evaluation import evaluation_of
@@ -117,7 +118,7 @@ class PolicyRollout:
 
 
 def policy_player(folder: Path) -> Player:
-    """The policy of a folder `pretrained_model` as a player, on the device of its config.
+    """The policy of a folder `pretrained_model` as a player, on the device of its config, in full precision.
 
     LeRobot calls what its processor files name, so check a checkpoint from others first.
 
@@ -140,7 +141,7 @@ def policy_player(folder: Path) -> Player:
             batch = {key: torch.from_numpy(array)[None] for key, array in row.items()}
             with torch.inference_mode():
                 observation = preprocess(batch | {"task": [env.task_description]})
-                action = postprocess(policy.select_action(observation))
+                action = RoundJointActions().action(postprocess(policy.select_action(observation)))
             yield Move("predicted", action[0].to("cpu").numpy())
 
     return play

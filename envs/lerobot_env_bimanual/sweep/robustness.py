@@ -72,6 +72,7 @@ class PolicySweep:
             first_seed=self.seeds.start,
             episodes=len(self.seeds),
             batch_size=self.batch_size,
+            policy_flags=self.policy_flags,
             versions=result_versions(),
         )
 

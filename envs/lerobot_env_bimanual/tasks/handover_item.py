@@ -57,7 +57,7 @@ FINGERS_M = np.array([0.065, 0.015])
 """Half of what the open fingers of a hand pointing down take up, along and across their opening."""
 LEFT_BEHIND_M = 0.005
 RIGHT_BEHIND_M = 0.005
-"""How far the tool centre points stop short of the item's centre: 1 cm apart, palms 8.4 cm apart."""
+"""How far the tool centre points stop short of the item's centre: 1 cm apart, palms 8.3 cm apart."""
 
 
 def _blocks(side_m: float) -> tuple[Block, ...]:

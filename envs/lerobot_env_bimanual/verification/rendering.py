@@ -1,6 +1,7 @@
 """Compares stored images of some rows with new ones of the same ticks, rendered from the episode as it was played again."""
 
 from collections.abc import Iterable
+from itertools import product
 from typing import Any
 
 import av
@@ -83,10 +84,11 @@ def _unlike(frame: NDArray[np.uint8], new: NDArray[np.uint8]) -> str:
     error = frame.astype(np.float32) - halved.to_ndarray(format="rgb24")
     if (offset := float(np.abs(error.mean(axis=(0, 1))).max())) > MAX_OFFSET:
         return f"its mean is off by {offset:.1f} grey levels"
-    height, width = (side // BLOCK * BLOCK for side in error.shape[:2])
-    tall = np.square(error).mean(axis=-1)
-    borders = (tall[:height, :width], tall[-height:, -width:])  # which together reach every edge
-    shape = (height // BLOCK, BLOCK, width // BLOCK, BLOCK)
-    worst = max(float(each.reshape(shape).mean(axis=(1, 3)).max(initial=0.0)) for each in borders)
+    height, width = (side // BLOCK for side in error.shape[:2])
+    # Blocks from the first pixel on, and those up to the last one: together they reach every edge and corner.
+    rows, columns = ((slice(side // BLOCK * BLOCK), slice(side % BLOCK, None)) for side in error.shape[:2])
+    squared = np.square(error).mean(axis=-1)
+    blocks = (squared[place].reshape(height, BLOCK, width, BLOCK) for place in product(rows, columns))
+    worst = max(float(each.mean(axis=(1, 3)).max(initial=0.0)) for each in blocks)
     text = f"a block of {BLOCK} pixels is off by {worst**0.5:.0f} grey levels"
     return text if worst > MAX_BLOCK_ERROR else ""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.robots.panda_looks import COARSE, FINE
+from lerobot_env_bimanual.props.prop import COARSE, FINE
 from lerobot_env_bimanual.world.offscreen import Offscreen, Pixels
 
 ALL = mujoco.mjtCatBit.mjCAT_ALL.value

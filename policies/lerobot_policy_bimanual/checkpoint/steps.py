@@ -1,21 +1,26 @@
 """Processor steps that load nothing by name, each with its options and tensors: all that a checkpoint may name and be safe."""
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field, PositiveFloat, model_validator
 from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
 from lerobot_bimanual.errors import plain, shown
-from lerobot_bimanual.results.record import BadRecord, Record
+from lerobot_bimanual.results.record import BadRecord, Record, require
 from lerobot_policy_bimanual.errors import CheckpointError
 
 type Kind = Literal["STATE", "VISUAL", "ENV", "ACTION", "REWARD", "LANGUAGE"]
 type Mode = Literal["MIN_MAX", "MEAN_STD", "IDENTITY", "QUANTILES", "QUANTILE10"]
 type Float = Literal["float16", "float32", "float64", "bfloat16", "half", "float", "double"]
+
+
+MAX_NUMBERS = 2**24
+"""Of an input or output; an RGB image of 2365 x 2365 pixels has as many."""
 
 
 class NotSafeToSay(CheckpointError):
@@ -40,6 +45,11 @@ class Feature(Record):
 
     type: Kind
     shape: Annotated[tuple[Annotated[int, Field(ge=1, le=2**14)], ...], Field(max_length=4)]
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        require(math.prod(self.shape) <= MAX_NUMBERS, f"shape: must have at most {MAX_NUMBERS} numbers")
+        return self
 
 
 class _Step(Record):
@@ -142,6 +152,8 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
             or numbers in them are not finite.
     """
     try:
+        if not file.is_file():  # a pipe never ends
+            raise OSError("not a file")
         with safe_open(file, framework="pt") as tensors:
             names, own = sorted(tensors.keys()), expected or {}
             if expected is not None and (differ := set(names) ^ expected.keys()):
@@ -154,7 +166,7 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
                 _checked_size(f"{plain(name)} in {file}", tensors.get_tensor(name), own.get(name))
                 for name in names
             )
-    except (SafetensorError, OSError, ValueError, AttributeError, RuntimeError) as error:
+    except (SafetensorError, OSError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         raise CheckpointError(
             f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
         ) from error

@@ -51,7 +51,7 @@ def with_calibration(batch: dict[str, Any], features: Mapping[str, Any]) -> dict
         features: the dataset's feature table; without that calibration, rows have to hold all of it.
     """
     calibration = (features.get(schema.WRIST_EXTRINSICS, {}).get("info") or {}).get(schema.CALIBRATION_INFO)
-    if calibration is None or schema.CAMERA_INTRINSICS in batch:
+    if calibration is None or schema.CAMERA_INTRINSICS in batch or schema.WRIST_EXTRINSICS not in batch:
         return batch
     moving = batch[schema.WRIST_EXTRINSICS]
     room, intrinsics = (

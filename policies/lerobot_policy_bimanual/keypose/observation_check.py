@@ -63,7 +63,9 @@ class ObservationCheck:
                     "by 255 once, and leave normalisation to the policy"
                 )
             if is_empty[index].any():  # real cameras drop images, and the cloud is made of all cameras
-                self._warn(f"{depth_key(camera)} has no depth at all (zero, NaN or infinite): is it on?")
+                self._warn(
+                    camera, f"{depth_key(camera)} has no depth at all (zero, NaN or infinite): is it on?"
+                )
         if is_empty.all(dim=0).any():
             raise BadObservation(
                 f"no camera has any depth (all zero, NaN or infinite): {', '.join(self._config.cameras)}. A policy "
@@ -77,21 +79,23 @@ class ObservationCheck:
             size = tuple(batch[image_key(camera)].shape[-2:])
             if feature is not None and (trained := tuple(feature.shape[-2:])) != size:
                 self._warn(
+                    "size",
                     f"this policy was trained with images of {trained[0]} x {trained[1]} pixels, but {camera} has "
                     f"{size[0]} x {size[1]}. lerobot-eval gives the size of the training with "
-                    f"--env.image_size={trained[0]}x{trained[1]}"
+                    f"--env.image_size={trained[0]}x{trained[1]}",
                 )
                 break
         known = self._config.trained_instructions
         if known and (unknown := [text for text in batch["task"] if text not in known]):
             shown = ", ".join(map(repr, known[:3])) + (", ..." if len(known) > 3 else "")
             self._warn(
-                f"this policy was never trained with {unknown[0]!r}, but with {shown}: is it another task (--env.task)?"
+                "task",
+                f"this policy was never trained with {unknown[0]!r}, but with {shown}: is it another task (--env.task)?",
             )
 
-    def _warn(self, message: str) -> None:
-        if message not in self._warned:
-            self._warned.add(message)
+    def _warn(self, kind: str, message: str) -> None:
+        if kind not in self._warned:
+            self._warned.add(kind)
             _log.warning(message)
 
 

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec_torch import KeyposeBins, TorchKeyposeCodec
+from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, TranslationPrediction, VoxelCandidates
 
 KEYPOSE_NUMBERS = 3 + 3 + 1 + 1
@@ -88,7 +89,8 @@ class LeaderFollower(nn.Module):
         bodies = dict(zip(ARMS, proprio.chunk(len(ARMS), dim=-1), strict=True))
         targets = {arm: None if target is None else one_arm(target, arm) for arm in ARMS}
         leader = self.leader(scene, bodies[leading], language, targets[leading])
-        goal = targets[leading] or leader.best()
+        with full_precision(proprio.device):  # a place in half precision would be rounded to parts of a voxel
+            goal = targets[leading] or leader.best()
         told = torch.cat([bodies[following], self._numbers(goal)], dim=-1)
         seen = scene if self.mark is None else self.mark(scene, goal.place[:, 0])
         follower = self.follower(seen, told, language, targets[following])

@@ -108,7 +108,7 @@ class AcceleratorWithMemory:
         prepared = self._accelerator().prepare(*numbers)
         self._is_prepared = True
         return tuple(
-            LoaderFromMemory(new, _starts_within_an_epoch(part)) if isinstance(part, DataLoader) else new
+            _from_memory(part, new) if isinstance(part, DataLoader) else new
             for part, new in zip(parts, prepared, strict=True)
         )
 
@@ -147,9 +147,12 @@ def remove_older(checkpoints: Path, keep_last: int) -> None:
             shutil.rmtree(steps[step])
 
 
-def _starts_within_an_epoch(loader: DataLoader) -> bool:
-    sampler = loader.sampler
-    return isinstance(sampler, EpisodeAwareSampler) and bool(sampler.state_dict()["start_index"])
+def _from_memory(loader: DataLoader, prepared: Any) -> LoaderFromMemory:
+    """The prepared loader of the numbers of a loader's rows, with their batches, from where its sampler goes on."""
+    state = loader.sampler.state_dict() if isinstance(loader.sampler, EpisodeAwareSampler) else {}
+    if state:
+        prepared.iteration = state["epoch"]  # accelerate would set the sampler back to epoch 0
+    return LoaderFromMemory(prepared, bool(state.get("start_index")))
 
 
 @parser.wrap()
