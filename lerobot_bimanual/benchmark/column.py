@@ -33,16 +33,15 @@ def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig
     policies = config.policy.split(",")
     meant = PROTOCOLS[config.protocol].tasks if config.protocol in PROTOCOLS else ()
     tasks = [task for task in tasks if task in meant] or tasks
-    shared = config.lanes > 1 and not config.workers and len(tasks) * len(policies) > 1
-    workers = max(1, worker_count(0) // config.lanes) if shared else config.workers
     found = [
-        replace(config, task=task, policy=policy, lanes=1, workers=workers, dry_run=False)
+        replace(config, task=task, policy=policy, lanes=1, dry_run=False)
         for task in tasks
         for policy in policies
     ]
-    for cell in found:
-        Plan.of(cell)
-    return found
+    shared_by = {Plan.of(cell).settings.trained_on for cell in found}
+    if config.lanes == 1 or config.workers or any(shared_by) or len(found) == 1:  # in one lane
+        return found
+    return [replace(cell, workers=max(1, worker_count(0) // config.lanes)) for cell in found]
 
 
 def run_column(column: Sequence[BenchmarkConfig], lanes: int) -> None:

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from collections.abc import Container
 from datetime import date
 from functools import cache
 from pathlib import Path
@@ -101,14 +100,14 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
     validation, scores = [], {settings.steps: 0.0}
     for step in settings.checkpoint_steps if settings.val_episodes else ():
         own.run(plan.evaluation("val", step))
-        played = _read_record(plan.record_file("val", step), plan.seeds("val")).episodes
+        played = EvaluationRecord.read(plan.record_file("val", step)).of_seeds(plan.seeds("val")).episodes
         solved = (Episode(seed=episode.seed, success=episode.success) for episode in played)
         validation.append(Validation(step=step, episodes=tuple(solved)))
         scores[step] = success_rate(played).rate
     # The best checkpoint, and of equally good ones the one that was trained longest.
     step = max(scores, key=lambda step: (scores[step], step))
     own.run(plan.evaluation("test", step))
-    tested = _read_record(plan.record_file("test", step), plan.seeds("test"))
+    tested = EvaluationRecord.read(plan.record_file("test", step)).of_seeds(plan.seeds("test"))
     _check_one_world(worlds | {plan.record_file("test", step): tested.world}, settings.task)
 
     try:
@@ -180,13 +179,6 @@ def _made_before(plan: Plan) -> BenchmarkResult | None:
                 f"{plan.result} would be replaced: its {name} is {got!r}, not {asked!r}; {advice}"
             )
     return made
-
-
-def _read_record(path: Path, seeds: Container[int]) -> EvaluationRecord:
-    """The record of an evaluation on these seeds, without the episodes that filled up its last batch."""
-    record = EvaluationRecord.read(path)
-    episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
-    return record.model_copy(update={"episodes": episodes})
 
 
 def _read_report(path: Path, task: str) -> tuple[str, tuple[Episode, ...]]:

@@ -1,7 +1,8 @@
 """All episodes of one evaluation of one task, as a JSON file."""
 
 import platform
-from typing import Annotated, Literal
+from collections.abc import Container
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, PositiveInt
 
@@ -76,6 +77,11 @@ class EvaluationRecord(EvaluationHead):
     def policy_id(self) -> str:
         """What played, as far as the environment was told."""
         return str(self.policy.get("type", "unnamed"))
+
+    def of_seeds(self, seeds: Container[int]) -> Self:
+        """The record without episodes of other seeds, such as those that filled up the last batch."""
+        episodes = tuple(episode for episode in self.episodes if episode.seed in seeds)
+        return self.model_copy(update={"episodes": episodes})
 
 
 def perturbed(name: str, perturb: str) -> str:

@@ -14,7 +14,7 @@ from lerobot_bimanual.results.benchmark import (
     Validation,
 )
 from lerobot_bimanual.results.episode import Episode, LoadMetrics, Proof
-from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, ExpertReport, MoveReport, VariationLoad
 from lerobot_bimanual.results.proof import actions_to_text
 
 VERSIONS: dict[str, str] = dict.fromkeys(SIMULATION_PACKAGES, "3")
@@ -42,15 +42,8 @@ def reported(outcomes: str, variation: int = 0, first_seed: int = 0) -> tuple[Ep
 
 
 LIGHT = LoadMetrics(
-    torque=0.5,
-    saturated=0.0,
-    velocity=0.5,
-    acceleration=0.5,
-    jerk=0.5,
-    contact_force_n=5.0,
-    finger_speed_m_s=0.05,
-    penetration_mm=0.5,
-    penetrating="hand, box",
+    **dict.fromkeys(("torque", "velocity", "acceleration", "jerk", "penetration_mm"), 0.5),
+    **{"saturated": 0.0, "contact_force_n": 5.0, "finger_speed_m_s": 0.05, "penetrating": "hand, box"},
 )
 
 
@@ -71,6 +64,16 @@ def outcome(success: bool = True, seed: int = 0, **changes: Any) -> EpisodeOutco
 def outcomes(solved: int, failed: int, **changes: Any) -> list[EpisodeOutcome]:
     successes = [True] * solved + [False] * failed
     return [outcome(success, seed, **changes) for seed, success in enumerate(successes)]
+
+
+EXPERT = ExpertReport.of(
+    **{"schema_version": 1, "player": "expert", "split": "test", "first_seed": 0, "n_seeds": 2},
+    versions=VERSIONS,
+    worlds={"lift_ball": WORLD},
+    violations=("too slow",),
+    loads=(VariationLoad(task="lift_ball", variation=0, load=LIGHT),),
+    episodes=(outcome(load=None), outcome(False, seed=1)),
+)
 
 
 def provenance(view: schema.View = "frames", **fields: Any) -> Provenance:

@@ -1,6 +1,7 @@
 """The checks of `lerobot-bimanual doctor`, on this machine and on broken ones."""
 
 import subprocess
+from unittest.mock import Mock
 
 import pytest
 
@@ -35,10 +36,7 @@ def test_opengl_that_fails_or_hangs_is_a_finding(program, limit_s, detail, monke
 
 
 def test_a_check_that_breaks_is_a_finding_and_the_others_go_on(monkeypatch, capsys):
-    def refuse(*_: object, **__: object) -> None:
-        raise OSError("broken")
-
-    monkeypatch.setattr(subprocess, "run", refuse)
+    monkeypatch.setattr(subprocess, "run", Mock(side_effect=OSError("broken")))
     assert doctor(DoctorConfig()) == 1
     printed = capsys.readouterr().out
     assert "OSError: broken" in printed

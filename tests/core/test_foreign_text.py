@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from pydantic import BaseModel
-from sample_results import LIGHT, RESULT, outcomes, provenance, variant
+from sample_results import EXPERT, RESULT, provenance, variant
 from sample_robustness import EXPERT_REPORT, ROBUSTNESS
 
 import lerobot_bimanual.benchmark.pipeline  # defines records
@@ -21,21 +21,12 @@ from lerobot_bimanual.pages import markdown
 from lerobot_bimanual.reports.benchmark_page import benchmark_page
 from lerobot_bimanual.reports.robustness import expert_robustness_page, print_robustness
 from lerobot_bimanual.results.benchmark import Machine
-from lerobot_bimanual.results.expert_report import ExpertReport, VariationLoad
 from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.reports import expert_tables
 
 EVIL = "<script>a</script> x`|\n# Injected\r\n[l](javascript:a) \x1b[2J\x9b{: onclick=a }\u202e`<img src=x onerror=a>"
 HOSTILE = (EVIL, f"y`{EVIL}`y", "A" * 10**6)
-EXPERT = ExpertReport.of(
-    **{"schema_version": 1, "player": "expert", "split": "test", "first_seed": 0, "n_seeds": 2},
-    versions={"a": "1"},
-    worlds={"lift_ball": "0123456789ab"},
-    violations=("too slow",),
-    loads=(VariationLoad(task="lift_ball", variation=0, load=LIGHT),),
-    episodes=tuple(outcomes(1, 1)),
-)
 TRAINED = variant(
     config={"device": "cpu", "evaluation": {"env.episode_length": "9"}}, machine=Machine(cpus=2, gpu="H100")
 )

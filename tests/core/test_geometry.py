@@ -14,23 +14,17 @@ from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 
 
-@pytest.fixture
-def poses() -> list[Pose]:
+def test_composition_inverse_and_application_are_those_of_matrices():
     rng = np.random.default_rng(1)
-    return [Pose(rng.normal(size=3), quat_wxyz_canonical(rng.normal(size=4))) for _ in range(20)]
-
-
-def test_composition_inverse_and_application_are_those_of_matrices(poses):
+    poses = [Pose(rng.normal(size=3), quat_wxyz_canonical(rng.normal(size=4))) for _ in range(20)]
     for a, b in pairwise(poses):
         np.testing.assert_allclose((a @ b).matrix, a.matrix @ b.matrix, atol=1e-12)
+    points = np.random.default_rng(2).normal(size=(4, 5, 3))
     for pose in poses:
         np.testing.assert_allclose((pose @ pose.inverse()).matrix, np.eye(4), atol=1e-12)
         np.testing.assert_allclose(pose.inverse().inverse().matrix, pose.matrix, atol=1e-12)
-    points = np.random.default_rng(2).normal(size=(4, 5, 3))
-    for pose in poses:
         homogeneous = np.concatenate([points, np.ones((4, 5, 1))], axis=-1) @ pose.matrix.T
         np.testing.assert_allclose(pose.apply(points), homogeneous[..., :3], atol=1e-12)
-    for pose in poses:
         distance, angle = Pose.from_matrix(pose.matrix).distance_to(pose)
         assert distance < 1e-12
         assert angle < 1e-9

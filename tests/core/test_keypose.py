@@ -70,11 +70,7 @@ def recording(moving: tuple[int, ...], gripper_open: tuple[int, ...]) -> np.ndar
 RECORDINGS = {
     "setting off after a rest, and the last frame": ((1, 10, 4, 10, 6), (31,), [15, 30]),
     "one moving arm prevents a keyframe": ((1, 19), (20,), [19]),
-    "a gripper that closes at rest ends the keypose when the rest ends": (
-        (1, 5, 12, 5, 3),
-        (8, 18),
-        [18, 25],
-    ),
+    "a gripper that closes at rest ends the keypose with the rest": ((1, 5, 12, 5, 3), (8, 18), [18, 25]),
     "a gripper change while moving": ((1, 19), (8, 12), [8, 19]),
     "a gripper event before the first motion": ((12, 6, 3), (2, 19), [12, 20]),
     "grippers that change one after the other at rest": ((1, 5, 40), (10, 20, 16), [20, 45]),

@@ -38,12 +38,15 @@ def test_lerobot_loads_what_was_written_and_our_reader_decodes_the_same(
     episode, reader = make_episode(1), ImageReader(datasets[view])
     decoded = {key: [*reader.images(1, key)] for key in reader.shapes}
     assert {*map(len, decoded.values())} == {rows}
+    _, ours = RecordedDataset(datasets[view]).episodes()
+    assert (ours.meta, len(ours)) == (episode.meta, rows)
     for position, row in enumerate(rows_of_view(episode, view, (0.5,))):
         item = dataset[rows + position]
         assert isinstance(item, dict)
         assert item["task"] == "lift the ball"
         for key, value in calibration.rest(row_columns(episode, row, view)).items():
             assert np.array_equal(np.atleast_1d(item[key]), np.atleast_1d(value)), (row, key)
+            assert np.array_equal(ours.columns[key][position], np.squeeze(value)), (row, key)
         for camera in CAMERAS:
             images = episode.images(row)
             depth = item[schema.depth_key(camera)].numpy()

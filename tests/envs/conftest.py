@@ -1,6 +1,7 @@
 """Environments that several files share."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.world.scene import Scene
 
 TASK = "lift_ball"
@@ -15,28 +17,27 @@ TASK = "lift_ball"
 
 @pytest.fixture(scope="module")
 def state_env():
-    env = BimanualEnv(TASK, obs="state")
-    yield env
-    env.close()
+    return BimanualEnv(TASK, obs="state")
 
 
-@pytest.fixture(scope="module")
-def rgbd_env():
-    env = BimanualEnv(TASK, image_size=(24, 32))
-    yield env
-    env.close()
-
-
-@pytest.fixture(scope="session")
-def _empty_scene() -> Scene:
-    return Scene()
+_compiled = cache(lambda *props: Scene(props))
 
 
 @pytest.fixture
-def scene(_empty_scene) -> Scene:
+def scene_of() -> Callable[..., Scene]:
+    """Gives the scene of some props, which is compiled once, after a reset."""
+
+    def scene(*props: Prop) -> Scene:
+        _compiled(*props).reset()
+        return _compiled(*props)
+
+    return scene
+
+
+@pytest.fixture
+def scene(scene_of) -> Scene:
     """Arms only, at home."""
-    _empty_scene.reset()
-    return _empty_scene
+    return scene_of()
 
 
 @pytest.fixture(scope="module")

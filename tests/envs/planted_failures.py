@@ -16,6 +16,7 @@ from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
 
 Keyposes = NDArray[np.float32]
+Change = Callable[[Keyposes], Keyposes]
 SEED = 40_001
 EXPERT = expert()
 
@@ -25,30 +26,23 @@ def expert_keyposes(task: str, player: Player = EXPERT, seed: int = SEED, pertur
     """Keyposes (n, 18) of the expert, or of another player, in variation 0."""
     env, moves = BimanualEnv(task, obs="state", perturb=perturb), []
     run_episode(env, seed, player, moves.append, variation=0)
-    env.close()
     return np.array([move.action for move in moves])
 
 
-def shifted(index: int | slice, column: int | list[int], by: float) -> Callable[[Keyposes], Keyposes]:
-    """An error: one number, or several, of one keypose is off."""
+def shifted(index: int | slice, column: int | list[int], by: float, kept: bool = True) -> Change:
+    """An error: one number, or several, of one keypose or some is off, or has this value if nothing of it is kept."""
 
     def change(keyposes: Keyposes) -> Keyposes:
         changed = keyposes.copy()
-        changed[index, column] += by
+        changed[index, column] = kept * changed[index, column] + by
         return changed
 
     return change
 
 
-def from_on(index: int, column: int, value: float) -> Callable[[Keyposes], Keyposes]:
+def from_on(index: int, column: int, value: float) -> Change:
     """An error: one number has another value from one keypose on."""
-
-    def change(keyposes: Keyposes) -> Keyposes:
-        changed = keyposes.copy()
-        changed[index:, column] = value
-        return changed
-
-    return change
+    return shifted(slice(index, None), column, value, kept=False)
 
 
 def reproved(episode: Episode, **changes: object) -> Episode:
@@ -77,5 +71,4 @@ def played(task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED, p
     info, left = {}, chain(actions, repeat(actions[-1]))
     while PLAYED not in info:
         info = recorder.step(next(left))[4]
-    recorder.close()
     return info[PLAYED]

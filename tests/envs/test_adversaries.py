@@ -23,7 +23,6 @@ def test_one_arm_does_a_task_that_needs_no_two_while_the_other_stays_at_home(tas
     commanded = by_arm(env.scene.commanded)[other]
     assert commanded[:-1] == pytest.approx(env.scene.arm_pair.home_joints, abs=1e-3)
     assert commanded[-1] == 1
-    env.close()
 
 
 @pytest.mark.parametrize(("task", "arm"), NO_WAY_KNOWN)

@@ -80,7 +80,6 @@ def test_images_of_every_task_are_those_of_the_whole_scene_drawn_camera_by_camer
         assert_same(renderer, plain)
         swing(env.scene, 5)
         assert_same(renderer, plain)
-    env.close()
 
 
 @pytest.mark.weekly
@@ -94,7 +93,6 @@ def test_images_of_a_whole_episode_are_those_of_the_whole_scene(task):
         for state in states[::3]:
             env.scene.restore_state(state)
             assert_same(renderer, plain)
-    env.close()
 
 
 CHANGES = {

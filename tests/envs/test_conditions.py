@@ -40,21 +40,11 @@ class When(conditions.Condition):
 HIGH_IN_THE_AIR = Pose.upright((0.25, 0.3, 1.2))
 
 
-@pytest.fixture(scope="module")
-def compiled_scene():
-    return Scene([Target("target"), Block("item")])
-
-
 @pytest.fixture
-def scene(compiled_scene):
-    compiled_scene.reset()
-    compiled_scene.place("item", HIGH_IN_THE_AIR)
-    return compiled_scene
-
-
-def test_above_compares_the_height_of_the_origin(scene):
-    assert conditions.Above("item", 1.199)(scene)
-    assert not conditions.Above("item", 1.201)(scene)
+def scene(scene_of):
+    scene = scene_of(Target("target"), Block("item"))
+    scene.place("item", HIGH_IN_THE_AIR)
+    return scene
 
 
 def test_a_prop_is_wholly_above_a_height_with_the_bodies_that_hang_on_it():
@@ -79,9 +69,13 @@ INSIDE = conditions.Inside("item", "target", (-0.1, -0.05, 0.0), (0.1, 0.05, 0.0
         (INSIDE, (0.09, 0, 0.01), True),
         (INSIDE, (0.11, 0, 0.01), False),
         (INSIDE, (0, 0, -0.01), False),
+        (conditions.Above("item", 0.849), (0, 0, 0.1), True),
+        (conditions.Above("item", 0.851), (0, 0, 0.1), False),
     ],
 )
-def test_places_are_measured_in_the_axes_of_the_target(scene, condition, offset, met):
+def test_places_are_measured_in_the_axes_of_the_target_and_heights_at_the_origin(
+    scene, condition, offset, met
+):
     target = Pose.upright((0.3, 0.1, 0.75), np.deg2rad(30))
     scene.place("target", target)
     scene.place("item", Pose.upright(target.apply(offset), 1.0))

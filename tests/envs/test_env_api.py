@@ -3,6 +3,7 @@
 import itertools
 import warnings
 from typing import get_args
+from unittest.mock import Mock
 
 import gymnasium as gym
 import numpy as np
@@ -80,7 +81,6 @@ def test_bad_actions_are_refused_with_a_reason(control_mode, action, complaint):
     with pytest.raises(InvalidAction, match=complaint):
         env.step(action)
     assert env.state_hash() == before
-    env.close()
 
 
 def test_a_variation_can_be_fixed_for_all_episodes_or_for_one_and_changes_nothing_else():
@@ -88,7 +88,6 @@ def test_a_variation_can_be_fixed_for_all_episodes_or_for_one_and_changes_nothin
         env = BimanualEnv("handover_item", obs="state", variation=variation)
         env.reset(seed=3, options=options)
         found = env.variation, env.task_description, env.state_hash()
-        env.close()
         return found
 
     drawn, *_ = episode("any")
@@ -109,19 +108,14 @@ def test_options_may_be_given_together_and_single_ones_win():
 
 def test_an_episode_that_could_not_start_cannot_be_played(monkeypatch):
     env = BimanualEnv("lift_ball", obs="state")
-
-    def start(*_):
-        raise PlacementFailure("no placement")
-
     with monkeypatch.context() as patch:
-        patch.setattr(EpisodeReset, "start", start)
+        patch.setattr(EpisodeReset, "start", Mock(side_effect=PlacementFailure("no placement")))
         with pytest.raises(PlacementFailure):
             env.reset(seed=0)
     with pytest.raises(gym.error.ResetNeeded):
         env.step(np.zeros(16, np.float32))
     env.reset(seed=0)
     assert not env.step(env.scene.commanded)[2]
-    env.close()
 
 
 def test_instructions_are_drawn_from_those_of_the_variation():
@@ -132,5 +126,4 @@ def test_instructions_are_drawn_from_those_of_the_variation():
     for seed in range(30):
         env.reset(seed=seed)
         drawn.add(env.task_description)
-    env.close()
     assert drawn == set(spec.instructions_for(spec.variations[0]))

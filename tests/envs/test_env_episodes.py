@@ -126,7 +126,6 @@ def test_an_episode_is_truncated_at_its_horizon_or_after_its_last_keypose(state_
     assert env.step(down)[2:4] == (False, False)
     assert env.step(back)[2:4] == (False, True)
     assert env._max_episode_steps == 2
-    env.close()
 
 
 def test_a_warning_of_mujoco_ends_the_episode(state_env):
@@ -170,7 +169,6 @@ def test_an_arm_that_presses_for_long_ends_the_episode_where_that_is_asked_for()
             if terminated or truncated:
                 break
         ends.append(info["failure"])
-        env.close()
     assert not ends[0]
     assert re.fullmatch("protective stop: the left arm pressed with [1-9][0-9][0-9] N", ends[1])
 
@@ -191,12 +189,11 @@ def perturbed_sequence() -> list[str]:
     perturb = ",".join(f"{axis}:3" for axis in AXES.names if axis != "stiffness")  # the task has no joints
     env = BimanualEnv(TASK, image_size=16, perturb=perturb)
     hashes, observation = hash_sequence(env, seed=7), env.observe()
-    env.close()
     images = [*observation.pop("pixels").values(), *observation.values()]
     return [*hashes, hashlib.sha256(b"".join(image.tobytes() for image in images)).hexdigest()]
 
 
-def test_same_seed_gives_the_same_bits_in_another_process_and_with_images(state_env, rgbd_env):
+def test_same_seed_gives_the_same_bits_in_another_process_and_with_images(state_env):
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]); import test_env_episodes as t;"
         f"print(*t.hash_sequence(t.BimanualEnv({TASK!r}, obs='state'), seed=7), *t.perturbed_sequence())"
@@ -205,7 +202,7 @@ def test_same_seed_gives_the_same_bits_in_another_process_and_with_images(state_
     output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     hashes = hash_sequence(state_env, seed=7)
     assert output.split() == [*hashes, *perturbed_sequence()]
-    assert hash_sequence(rgbd_env, seed=7) == hashes
+    assert hash_sequence(BimanualEnv(TASK, image_size=(24, 32)), seed=7) == hashes
 
 
 def test_an_interrupted_tick_leaves_no_trace_in_the_next_episode():
@@ -220,7 +217,6 @@ def test_an_interrupted_tick_leaves_no_trace_in_the_next_episode():
     with env.observed_by(lambda *_: None, lambda: next(steps)), pytest.raises(StopIteration):
         env.step(press)
     assert hash_sequence(env, seed=3, ticks=1) == expected
-    env.close()
 
 
 @pytest.mark.parametrize("options", [{"task": "push_box"}, {"setting": "varied"}, {"perturb": "size:3"}])
@@ -232,7 +228,6 @@ def test_a_state_of_another_world_is_refused_and_changes_nothing(options, state_
     with pytest.raises(InvalidChoice, match=f"but must be '{TASK} test'"):
         state_env.restore_state(other.save_state())
     assert state_env.state_hash() == before
-    other.close()
 
 
 def test_a_seed_means_another_episode_in_every_split_and_setting():
@@ -241,7 +236,6 @@ def test_a_seed_means_another_episode_in_every_split_and_setting():
         env = BimanualEnv("dual_push_buttons", obs="state", split=split, setting=setting)
         env.reset(seed=0)
         places_m.add(tuple(env.scene.pose("left_button").position[:2]))
-        env.close()
     assert len(places_m) == len(SPLITS) * len(SETTINGS) == 6
 
 
@@ -250,7 +244,6 @@ def test_variations_of_a_seed_share_no_layout():
     for variation in range(3):
         env.reset(seed=5, options={"variation": variation})
         cabinets.add(tuple(env.scene.pose("cabinet").position))
-    env.close()
     assert len(cabinets) == 3
 
 

@@ -1,6 +1,7 @@
 """`expert evaluate`, its evaluator and its log: what is kept and written, and that nothing is played twice."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import pytest
 from sample_results import outcome, outcomes
@@ -96,10 +97,8 @@ def test_a_second_evaluation_into_the_same_file_is_refused(tmp_path):
 
 
 def test_a_seed_without_a_placement_is_a_failed_episode_and_not_the_end(monkeypatch):
-    def start(*_):
-        raise PlacementFailure("lift_ball: none of 200 drawn placements can be rehearsed")
-
-    monkeypatch.setattr(EpisodeReset, "start", start)
+    failure = PlacementFailure("lift_ball: none of 200 drawn placements can be rehearsed")
+    monkeypatch.setattr(EpisodeReset, "start", Mock(side_effect=failure))
     failed = play(EpisodeSpec("lift_ball", "0", "val", 5, "expert"))
     assert (failed.seed, failed.success, failed.ticks) == (5, False, 0)
     assert "none of 200" in (failed.failure or "")
@@ -118,9 +117,7 @@ def test_an_accident_is_an_error_that_names_its_episode_and_all_others_are_kept(
         assert len(running.play([specs[0], specs[2]], "playing")) == 2
 
 
-def test_the_log_forgets_episodes_of_other_versions_and_of_another_packages_changed_task(
-    tmp_path, monkeypatch
-):
+def test_the_log_forgets_episodes_of_other_versions_and_of_a_foreign_task_that_changed(tmp_path, monkeypatch):
     path, theirs = tmp_path / "some" / "log.jsonl", tmp_path / "their_task.py"
     theirs.write_text("MASS_KG = 1")
     monkeypatch.syspath_prepend(tmp_path)

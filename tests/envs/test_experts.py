@@ -165,13 +165,9 @@ def test_frames_of_an_expert_hold_the_actions_that_solve_the_task() -> None:
 MEASURED_SEED = 3
 
 
-@pytest.fixture(scope="module")
-def env(env_of):
-    return env_of("lift_ball")
-
-
 @pytest.mark.parametrize("mode", ["none", "joint", "keypose"])
-def test_measuring_leaves_an_episode_as_it_is_and_its_replay_goes_through_the_same_states(env, mode):
+def test_measuring_leaves_an_episode_as_it_is_and_its_replay_goes_through_the_same_states(env_of, mode):
+    env = env_of("lift_ball")
     found = run_measured(env, MEASURED_SEED, expert(), mode)
     assert not env.tick_observers
     assert not env.step_observers
@@ -181,8 +177,8 @@ def test_measuring_leaves_an_episode_as_it_is_and_its_replay_goes_through_the_sa
     assert unmeasured == run_episode(env, MEASURED_SEED, expert())  # the last state's hash among all else
 
 
-def test_a_replay_of_other_actions_and_keyframes_at_other_ticks_are_reported(env, monkeypatch):
-    actions = []
+def test_a_replay_of_other_actions_and_keyframes_at_other_ticks_are_reported(env_of, monkeypatch):
+    env, actions = env_of("lift_ball"), []
     with env.observed_by(lambda _, action: actions.append(action.copy())):
         ticks = [move.ticks for move in run_episode(env, MEASURED_SEED, expert()).moves]
     assert keyframes_found(np.array(actions), ticks)

@@ -3,7 +3,6 @@
 import json
 import re
 from functools import partial
-from itertools import chain, repeat
 
 import numpy as np
 import pytest
@@ -13,36 +12,17 @@ from sample_results import LIGHT
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
-from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import play_script
 from lerobot_env_bimanual.experts.runner import replanning
 from lerobot_env_bimanual.failures.attribution import Attribution, FailureAttributor, Responsible
 from lerobot_env_bimanual.failures.behaviour import behaviour
-from lerobot_env_bimanual.failures.classes import FailureClass, classify
-from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
+from lerobot_env_bimanual.failures.classes import FailureClass
 from lerobot_env_bimanual.tasks import dual_push_buttons, handover_item
 from lerobot_env_bimanual.tasks._handover import hand_over
-from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
 
 EASY, TRAY = "handover_item_easy", "lift_tray"
 LEFT_X, LEFT_Z, LEFT_QW, LEFT_OPEN, RIGHT_X, RIGHT_OPEN = 0, 2, 3, 7, 9, 16
 OPTIONS: dict[str, str | int] = {"split": "test", "max_keyposes": 25}
-
-
-def observed(task: str, keyposes: Keyposes) -> EpisodeEvents:
-    """Events of an episode of these keyposes, the last of which is repeated."""
-    env = BimanualEnv(task, obs="state")
-    held = HoldAfterDone(env)
-    held.reset(seed=SEED, options={"variation": 0})
-    monitor = EpisodeMonitor(env)
-    with env.observed_by(monitor.note, monitor.note_step):
-        for keypose in chain(keyposes, repeat(keyposes[-1])):
-            _, _, terminated, truncated, _ = held.step(keypose)
-            if terminated or truncated:
-                break
-    events = monitor.events()
-    env.close()
-    return events
 
 
 def attributed(task: str, *episodes: Episode, **options: str) -> list[Attribution]:
@@ -71,47 +51,32 @@ def another_button(_: Keyposes) -> Keyposes:
     return expert_keyposes("dual_push_buttons", partial(play_script, script=script))
 
 
-CLASSES = {
-    "not a number": (EASY, from_on(2, LEFT_QW, np.nan), FailureClass.INVALID_ACTION),
-    "a pose beyond the workspace": (EASY, from_on(2, LEFT_X, 3.0), FailureClass.UNREACHABLE),
-    "a hand pushed into the table": (TRAY, shifted(1, LEFT_Z, -0.12), FailureClass.COLLISION),
-    "the item of another colour": ("handover_item", another_item, FailureClass.WRONG_OBJECT),
-    "a button of another colour": ("dual_push_buttons", another_button, FailureClass.WRONG_OBJECT),
-    "a hand that opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), FailureClass.DROPPED),
-    "a right grasp beside the rim": (TRAY, shifted(1, RIGHT_X, 0.06), FailureClass.MISSED_GRASP),
-    "a hand that does not take over": (EASY, from_on(4, RIGHT_X, 0.15), FailureClass.MISSED_GRASP),
-    "one hand after the other": ("dual_push_buttons", one_hand_after_the_other, FailureClass.OUT_OF_STEP),
-    "hands that never come": ("lift_ball", lambda keyposes: keyposes[:1], FailureClass.OUT_OF_TIME),
+C, R = FailureClass, Responsible
+ERRORS = {
+    "not a number": (EASY, from_on(2, LEFT_QW, np.nan), C.INVALID_ACTION, 2, R.LEFT),
+    "the right arm's is not a number": (EASY, shifted(3, RIGHT_X, np.nan), C.INVALID_ACTION, 3, R.RIGHT),
+    "a pose beyond the workspace": (EASY, from_on(2, LEFT_X, 3.0), C.UNREACHABLE, 2, R.LEFT),
+    "a hand pushed into the table": (TRAY, shifted(1, LEFT_Z, -0.12), C.COLLISION, 1, R.LEFT),
+    "the item of another colour": ("handover_item", another_item, C.WRONG_OBJECT, 1, R.LEFT),
+    "a button of another colour": ("dual_push_buttons", another_button, C.WRONG_OBJECT, 25, R.TIME),
+    "a hand that opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), C.DROPPED, 3, R.LEFT),
+    "a left grasp beside the item": (EASY, shifted(1, LEFT_X, 0.06), C.MISSED_GRASP, 1, R.LEFT),
+    "a right grasp beside the rim": (TRAY, shifted(1, RIGHT_X, 0.06), C.MISSED_GRASP, 1, R.RIGHT),
+    "both grasps": (TRAY, shifted(1, [LEFT_X, RIGHT_X], 0.06), C.MISSED_GRASP, 1, R.COORDINATION),
+    "a hand that does not take over": (EASY, from_on(4, RIGHT_X, 0.15), C.MISSED_GRASP, 4, R.RIGHT),
+    "a hand that never closes": (EASY, from_on(4, RIGHT_OPEN, 1.0), C.OUT_OF_TIME, 4, R.RIGHT),
+    "one hand after the other": ("dual_push_buttons", one_hand_after_the_other, C.OUT_OF_STEP, 25, R.TIME),
+    "hands that never come": ("lift_ball", lambda keyposes: keyposes[:1], C.OUT_OF_TIME, 1, R.COORDINATION),
+    "all but the last": (TRAY, lambda keyposes: keyposes[:-1], C.OUT_OF_TIME, 25, R.TIME),
 }
 
 
-@pytest.mark.parametrize(("task", "change", "kind"), CLASSES.values(), ids=CLASSES.keys())
-def test_a_planted_failure_gets_its_class(task, change, kind):
-    keyposes = expert_keyposes(task)
-    expert = observed(task, keyposes)
-    assert expert.met_together
-    assert not expert.unmet
-    found, event = classify(task, observed(task, change(keyposes)), expert)
-    assert (found, bool(event)) == (kind, True), event
-
-
-PLANTED = {
-    "left grasp": (EASY, shifted(1, LEFT_X, 0.06), 1, Responsible.LEFT),
-    "left opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), 3, Responsible.LEFT),
-    "right never closes": (EASY, from_on(4, RIGHT_OPEN, 1.0), 4, Responsible.RIGHT),
-    "left out of reach": (EASY, shifted(2, LEFT_X, 3.0), 2, Responsible.LEFT),
-    "right is not a number": (EASY, shifted(3, RIGHT_X, np.nan), 3, Responsible.RIGHT),
-    "right grasp": (TRAY, shifted(1, RIGHT_X, 0.06), 1, Responsible.RIGHT),
-    "both grasps": (TRAY, shifted(1, [LEFT_X, RIGHT_X], 0.06), 1, Responsible.COORDINATION),
-    "only the first": (TRAY, lambda keyposes: keyposes[:1], 1, Responsible.COORDINATION),
-    "all but the last": (TRAY, lambda keyposes: keyposes[:-1], 25, Responsible.TIME),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("task", "change", "index", "responsible"), PLANTED.values(), ids=PLANTED.keys())
-def test_a_planted_error_of_an_arm_is_attributed_to_it(task, change, index, responsible):
+@pytest.mark.parametrize(
+    ("task", "change", "kind", "index", "responsible"), ERRORS.values(), ids=ERRORS.keys()
+)
+def test_a_planted_error_gets_its_class_and_is_attributed_to_its_arm(task, change, kind, index, responsible):
     (found,) = attributed(task, played(task, change(expert_keyposes(task))))
+    assert (found.failure_class, bool(found.event)) == (kind, True), found
     assert (found.last_recoverable, found.responsible) == (index, responsible), found
 
 

@@ -2,7 +2,6 @@
 
 import itertools
 from dataclasses import fields
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -57,8 +56,7 @@ def environment(request, instant_placement):
     task, control_mode = request.param
     env = BimanualEnv(task, obs="state", control_mode=control_mode, max_keyposes=2)
     env.reset(seed=SEED)
-    yield env, env.save_state()
-    env.close()
+    return env, env.save_state()
 
 
 @given(actions=st.lists(ACTIONS, min_size=1, max_size=3))
@@ -79,15 +77,11 @@ def test_any_action_is_a_step_or_refused_without_a_trace(environment, actions):
             break
 
 
-@pytest.fixture
-def empty_folder(tmp_path, monkeypatch) -> Path:
-    """The working directory."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @given(options=OPTIONS, misspelt=MISSPELT)
-def test_any_options_make_an_environment_or_are_refused_and_write_nothing(options, misspelt, empty_folder):
+def test_any_options_make_an_environment_or_are_refused_and_write_nothing(
+    options, misspelt, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
     try:
         env = BimanualEnv("handover_item", **options | misspelt)
     except BimanualError:
@@ -96,7 +90,7 @@ def test_any_options_make_an_environment_or_are_refused_and_write_nothing(option
         assert set(env.options.keywords()) == {field.name for field in fields(EnvOptions)}
         assert EnvOptions(**env.options.keywords()) == env.options
         assert env.action_space.contains(env.action_space.sample())
-    assert not [*empty_folder.iterdir()]
+    assert not [*tmp_path.iterdir()]
 
 
 SEEDS = st.none() | st.integers() | st.integers(0, 2**63) | NUMBERS | JUNK
@@ -120,5 +114,4 @@ def test_any_arguments_of_reset_start_an_episode_or_are_refused(seed, options, r
 def resettable(instant_placement):
     env = BimanualEnv("handover_item_easy", obs="state")
     env.reset(seed=SEED)
-    yield env
-    env.close()
+    return env

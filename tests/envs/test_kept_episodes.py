@@ -141,9 +141,7 @@ def test_another_evaluation_in_the_same_folder_is_refused_at_once(other, complai
     assert path.read_bytes() == before
 
 
-def test_episodes_of_another_version_of_the_package_are_refused_by_the_name_of_their_file(
-    undisturbed, tmp_path
-):
+def test_episodes_of_another_version_of_ours_are_refused_by_the_name_of_their_file(undisturbed, tmp_path):
     program = Program(tmp_path)
     with pytest.raises(Interrupted):
         program.run(undisturbed[1].steps // 2)
@@ -172,9 +170,7 @@ def episode() -> Episode:
 
 @pytest.fixture(scope="module")
 def verifier():
-    verifier = EpisodeVerifier("lift_ball", {"split": "test", "max_keyposes": 25})
-    yield verifier
-    verifier.env.close()
+    return EpisodeVerifier("lift_ball", {"split": "test", "max_keyposes": 25})
 
 
 @pytest.mark.slow
@@ -185,7 +181,6 @@ def test_an_experts_episode_of_every_task_replays_as_recorded(task):
     assert episode.first_met_tick is not None
     verifier = EpisodeVerifier(task, {"split": "test"})
     assert verifier(episode) == verifier(episode) == []
-    verifier.env.close()
 
 
 def with_actions(episode: Episode, change) -> Episode:
@@ -232,7 +227,6 @@ def test_an_episode_that_ended_by_a_refused_action_replays_as_recorded(answer, v
     assert episode.failure.startswith("invalid action: ")
     assert len(episode.proof.action_list()) == 3
     assert verifier(episode) == []
-    recorder.close()
 
 
 def test_a_record_is_replayed_as_claimed_and_what_is_changed_in_it_is_told(undisturbed, tmp_path, capsys):

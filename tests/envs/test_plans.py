@@ -26,10 +26,6 @@ TASKS = [name for name in list_tasks() if len(get_task(name).spec.plans) > 1]
 FIRST_SEED = 2_150_000
 
 
-def test_the_protocol_of_several_plans_is_for_the_tasks_that_have_them():
-    assert set(PROTOCOLS["plans"].tasks) == {*TASKS}
-
-
 @pytest.fixture(scope="module", params=TASKS)
 def env(request):
     """Just reset to a scene that allows all plans."""
@@ -40,8 +36,7 @@ def env(request):
             break
     else:
         pytest.fail("none of 20 scenes allows all plans")
-    yield env
-    env.close()
+    return env
 
 
 def test_the_first_choice_of_each_arm_tells_its_plan(env):
@@ -77,10 +72,10 @@ def test_a_scene_that_does_not_allow_all_plans_is_not_demonstrated_and_says_whic
     assert all(reason.startswith("plan 'swapped': ") for reason in lacking)
     with pytest.raises(InvalidChoice, match="plan is 2, but must be one of: 0, 1"):
         next(plans.demonstrator(env, 2))
-    env.close()
 
 
 def test_a_plan_that_a_task_has_not_is_refused_with_those_that_it_has(tmp_path):
+    assert {*PROTOCOLS["plans"].tasks} == {*TASKS}
     with pytest.raises(InvalidChoice, match=r"plan of push_box is 2.*0 \(one stroke\), 1 \(two strokes\)"):
         expert_evaluate(ExpertEvaluateConfig(task="push_box", plan=2))
     with pytest.raises(InvalidChoice, match=r"plan of handover_item is 1.*0 \(usual\)"):
@@ -96,7 +91,6 @@ def test_a_diagnosis_says_how_often_both_arms_follow_one_plan_in_scenes_that_all
     for seed in range(FIRST_SEED, FIRST_SEED + 20):
         env.reset(seed=seed, options={"variation": 0})
         (lacking if plans.infeasible_plan(env) else allowing).append(seed)
-    env.close()
     players = [expert(), expert(plan=1), partial(mixed, rng=np.random.default_rng(0)), expert()]
     pairs = zip([*allowing[:3], lacking[0]], players, strict=True)
     episodes = [played(task, expert_keyposes(task, player, seed), seed) for seed, player in pairs]

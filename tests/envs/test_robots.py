@@ -1,22 +1,12 @@
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.joint_action import GRIPPER_FRAMES
 from lerobot_env_bimanual.robots import panda
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.world.scene import Scene
 
 GRIPPERS = (7, 15)
-
-
-def put_joints(scene: Scene, arm: Arm, joints: np.ndarray) -> None:
-    for name, value in zip(PANDA_PAIR.joint_names(arm), joints, strict=True):
-        scene.set_joint(name, value)
-
-
-def action(left: np.ndarray, right: np.ndarray, gripper: float = 1.0) -> np.ndarray:
-    return np.array([*left, gripper, *right, gripper], dtype=np.float32)
 
 
 def test_motors_carry_the_weight_within_their_torque_limits(scene):
@@ -47,7 +37,7 @@ def test_the_hands_follow_a_fast_stroke_within_millimetres_half_a_tick_later(sce
 
     errors = []
     for tick in range(1, 23):  # one second, and a little rest
-        scene.tick(action(stroke(tick / 20), stroke(tick / 20)))
+        scene.tick(np.float32([*stroke(tick / 20), 1.0] * 2))
         for arm in ARMS:
             wanted = PANDA_PAIR.kinematics[arm].fk(stroke((tick - 0.5) / 20))
             errors.append(np.linalg.norm(scene.tcp(arm).position - wanted[:3, 3]))
@@ -58,8 +48,8 @@ def test_the_hands_follow_a_fast_stroke_within_millimetres_half_a_tick_later(sce
 def test_a_folded_hand_meets_its_own_forearm(scene):
     folded = PANDA_PAIR.home_joints.copy()
     folded[5], folded[6] = 0.05, 2.0
+    scene.pose_arms(np.tile(folded, (2, 1)))
     for arm in ARMS:
-        put_joints(scene, arm, folded)
         assert scene.contacts(f"{arm.value}_link5", PANDA_PAIR.hand_body(arm))
 
 

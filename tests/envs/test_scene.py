@@ -14,15 +14,9 @@ from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, TICK_S
 ON_TABLE = Pose.upright((0.25, 0.1, 0.7905))
 
 
-@pytest.fixture(scope="module")
-def shared() -> Scene:
-    return Scene([Block(), Target()])
-
-
 @pytest.fixture
-def scene(shared: Scene) -> Scene:
-    shared.reset()
-    return shared
+def scene(scene_of) -> Scene:
+    return scene_of(Block(), Target())
 
 
 def test_a_tick_is_fifty_milliseconds_of_physics_and_an_episode_begins_at_home_with_open_hands(scene):

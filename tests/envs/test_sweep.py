@@ -8,7 +8,7 @@ from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
-from sample_results import outcome, proved
+from sample_results import RESULT, outcome, proved
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.evaluation import EvaluationRecord
@@ -30,6 +30,10 @@ TRAINED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 
 def world(task: str, perturb: str) -> str:
     return f"{task} {perturb}".encode().hex()[-12:]
+
+
+def drawn_variation(task: str, split: str, seed: int) -> int:
+    return draw_episode(get_task(task).spec, split, seed, None).variation.index
 
 
 class MadeUpEvaluator(contextlib.nullcontext):
@@ -56,8 +60,8 @@ class MadeUpEvaluator(contextlib.nullcontext):
         success = spec.seed == 0
         if spec.player in EXPERTS:
             success = not (spec.seed == 1 and spec.perturb == "mass:3")
-        drawn = draw_episode(get_task(spec.task).spec, spec.split, spec.seed, None).variation
-        return outcome(success, spec.seed, task=spec.task, variation=drawn.index)
+        variation = drawn_variation(spec.task, spec.split, spec.seed)
+        return outcome(success, spec.seed, task=spec.task, variation=variation)
 
 
 class MadeUpRollout:
@@ -73,20 +77,12 @@ class MadeUpRollout:
             raise KeyboardInterrupt
         MadeUpRollout.remaining -= 1
         note(len(self.seeds))
-        spec, outcomes = get_task(TASK).spec, "".join("x."[seed % 2] for seed in self.seeds)
-        variations = {seed: draw_episode(spec, "test", seed, None).variation.index for seed in self.seeds}
-        return EvaluationRecord(
-            schema_version=2,
-            task=TASK,
-            world=world(TASK, perturb),
-            options={},
-            batch_size=2,
-            versions={},
-            episodes=tuple(
-                episode.model_copy(update={"variation": variations[episode.seed]})
-                for episode in proved(outcomes, self.seeds.start)
-            ),
+        record: dict[str, Any] = {"task": TASK, "world": world(TASK, perturb), "options": {}, "versions": {}}
+        record["episodes"] = tuple(
+            episode.model_copy(update={"variation": drawn_variation(TASK, "test", episode.seed)})
+            for episode in proved("".join("x."[seed % 2] for seed in self.seeds), self.seeds.start)
         )
+        return RESULT.evaluation.model_copy(update=record)
 
 
 @pytest.fixture(autouse=True)
@@ -139,8 +135,7 @@ def test_the_open_loop_baseline_plays_the_mean_keyposes_of_the_variation_that_th
     assert found == dict.fromkeys(keys, (0,))
     for spec in MadeUpEvaluator.specs:
         assert (spec.variation, spec.player) == ("any", "open_loop")  # so that the episode is the policy's
-        drawn = draw_episode(get_task(TASK).spec, "test", spec.seed, None).variation
-        assert spec.mean_keyposes[0][0] == drawn.index
+        assert spec.mean_keyposes[0][0] == drawn_variation(TASK, "test", spec.seed)
     MadeUpEvaluator.specs.clear()
     solved_seeds(MadeUpEvaluator(), "expert", keys, template, [0])  # type: ignore[arg-type]
     players = [(spec.player, spec.perturb) for spec in MadeUpEvaluator.specs]

@@ -67,9 +67,7 @@ def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("program", [BUSY, STARTING])
-def test_workers_end_with_their_parent_however_that_ends_and_leave_nothing(
-    program: str, end: signal.Signals, tmp_path
-) -> None:
+def test_workers_end_with_their_parent_however_that_ends_and_leave_nothing(program, end, tmp_path):
     (tmp_path / "slow.py").write_text(SLOW)
     (tmp_path / "tmp").mkdir()
     parent = subprocess.Popen(

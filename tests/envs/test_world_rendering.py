@@ -89,9 +89,8 @@ def test_depth_equals_rays_cast_through_the_pixel_centres(scene, images, camera)
     for row, column in rng.integers(0, SIZE, (60, 2)):
         ray = points[row, column] - origin
         length = np.linalg.norm(ray)
-        hit = mujoco.mj_ray(
-            scene.model, scene.data, origin, ray / length, drawn, 1, -1, np.zeros(1, np.int32)
-        )
+        geom = np.zeros(1, np.int32)
+        hit = mujoco.mj_ray(scene.model, scene.data, origin, ray / length, drawn, 1, -1, geom)
         if hit > 0:
             errors.append(abs(hit - length))
     assert len(errors) > 20
@@ -211,9 +210,7 @@ def test_ranks_draw_on_gpus_of_their_own_unless_the_user_chose_one(variables, de
 
 
 def test_the_backend_is_chosen_before_mujoco_is_imported_and_a_choice_is_respected():
-    program = (
-        "import os, lerobot_env_bimanual.gl; print(os.environ['MUJOCO_GL'], os.environ['LP_NUM_THREADS'])"
-    )
+    program = "import os, lerobot_env_bimanual.gl; print(*map(os.getenv, ('MUJOCO_GL', 'LP_NUM_THREADS')))"
     assert without_gl(program).stdout.split() == ["egl", "0"]
     chosen = without_gl(program, MUJOCO_GL="disable", LP_NUM_THREADS="2")
     assert chosen.stdout.split() == ["disable", "2"]

@@ -3,6 +3,7 @@
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -83,6 +84,8 @@ def test_several_policies_and_tasks_are_benchmarks_of_which_a_failure_stops_no_o
         ["--policy=peract2", "--task=push_box"],  # no lane waits for the dataset of another
     ]
     assert len(started) == len([*(tmp_path / "logs").iterdir()]) == 4
+    shared = column.cells(replace(config, policy="peract2", protocol="multitask"), ["lift_ball", "push_box"])
+    assert [cell.workers for cell in shared] == [0, 0]  # in one lane, which has all cores
 
 
 def test_numbers_and_further_flags_that_are_given_win_over_recipe_and_protocol():

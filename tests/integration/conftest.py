@@ -5,15 +5,11 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.files import sha256
 from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, dataset_generate
-from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.generation import build
 from lerobot_env_bimanual.generation.build import RecordShards
 from lerobot_env_bimanual.generation.shard import Job, record_shard
@@ -90,29 +86,6 @@ def generated(small_generation, tmp_path_factory: pytest.TempPathFactory) -> Pat
     root = tmp_path_factory.mktemp("two words Ω") / "small"
     dataset_generate(small_generation(root))
     return root
-
-
-@pytest.fixture(scope="session")
-def played_again():
-    """Gives the number of ticks that a stored episode's actions take, if they lead through its states; otherwise -1."""
-
-    def play(dataset: RecordedDataset, index: int) -> int:
-        meta, columns = (episode := dataset.episode(index)).meta, episode.columns
-        env = BimanualEnv(meta.task, split=meta.split, obs="state")
-        env.reset(seed=meta.seed, options={"variation": meta.variation})
-        actions, hashes = columns[schema.ACTION], list[int]()
-        # In keyframes, rows on the way to a keypose have it, too, and the last row repeats the last one.
-        if dataset.view == "keyframes":
-            actions = actions[np.unique(columns[schema.KEYPOSE_STEP][:-1], return_index=True)[1]]
-        with env.observed_by(lambda env, _: hashes.append(schema.state_hash_column(env.state_hash()))):
-            for action in actions:
-                env.step(action)
-        hashes.append(schema.state_hash_column(env.state_hash()))
-        env.close()
-        ticks = np.minimum(columns[schema.TICK] + 1, len(hashes) - 1)
-        return len(hashes) - 1 if (np.array(hashes)[ticks] == columns[schema.STATE_HASH]).all() else -1
-
-    return play
 
 
 @pytest.fixture

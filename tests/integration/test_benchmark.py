@@ -28,11 +28,10 @@ def begun_by(plan: Plan) -> list[str]:
     return [line.removeprefix("$ ") for line in console.export_text().splitlines() if line.startswith("$ ")]
 
 
-@pytest.fixture
-def small(tmp_path: Path, tiny_flags, monkeypatch) -> BenchmarkConfig:
-    """A benchmark that takes seconds; the one of the README starts its programs as a user does."""
+def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path, tiny_flags, monkeypatch):
+    """That of the README starts its programs as a user does."""
     monkeypatch.setattr(benchmark, "Pipeline", partial(Pipeline, call=programs.call))
-    return BenchmarkConfig(
+    small = BenchmarkConfig(
         **{"demos": 2, "image_size": 32, "steps": 4, "save_freq": 2, "batch_size": 2},
         val_episodes=2,
         test_episodes=2,
@@ -42,9 +41,6 @@ def small(tmp_path: Path, tiny_flags, monkeypatch) -> BenchmarkConfig:
         workers=1,
         output=tmp_path,
     )
-
-
-def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(small):
     plan = Plan.of(small)
     begun = begun_by(plan)
     row = BenchmarkResult.read(plan.result)

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from typing import Any
 
 import pytest
 from programs import run
@@ -28,19 +27,12 @@ print(json.dumps(found | {"loaded": sorted(set(sys.modules) - before)}))
 """
 
 
-@pytest.fixture(scope="module")
-def discovery(tmp_path_factory) -> Any:
-    printed = run(sys.executable, "-c", DISCOVER, folder=tmp_path_factory.mktemp("fresh"))
-    return json.loads(next(line for line in printed.splitlines() if line.startswith("{")))
-
-
-def test_lerobot_finds_the_environment_the_policies_and_the_robot(discovery: Any) -> None:
+def test_lerobot_finds_environment_policies_and_robot_and_loads_neither_mujoco_nor_networks(tmp_path) -> None:
+    printed = run(sys.executable, "-c", DISCOVER, folder=tmp_path)
+    discovery = json.loads(next(line for line in printed.splitlines() if line.startswith("{")))
     assert discovery["envs"]["bimanual"].startswith("lerobot_env_bimanual.")
     assert discovery["policies"]["peract2"].startswith("lerobot_policy_bimanual.")
     assert discovery["robots"]["bimanual_sim"].startswith("lerobot_robot_bimanual.")
-
-
-def test_discovery_loads_neither_mujoco_nor_networks(discovery: Any) -> None:
     loaded = discovery["loaded"]
     assert "lerobot_env_bimanual" in loaded
     assert not {"mujoco", "OpenGL", "frankik", "av", "einops"} & {name.partition(".")[0] for name in loaded}

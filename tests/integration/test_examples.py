@@ -17,10 +17,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def evaluation(folder: Path) -> dict:
-    return json.loads((folder / "eval_info.json").read_text())
-
-
 def test_make_watch_shows_a_policy_that_solves_its_task(tmp_path):
     said = run("make", "--dry-run", "watch", f"WATCH={tmp_path}", folder=EXAMPLES.parent)
     (line,) = [line for line in said.replace("\\\n", "").splitlines() if "bimanual-eval --policy" in line]
@@ -58,6 +54,8 @@ def test_a_task_and_a_policy_of_ones_own_pass_their_tests_and_are_trained_and_sc
         zipfile.ZipFile(wheel).extractall(site)
     few = ("--task=my_own", "--episodes=1", "--view=keyframes", "--image_size=128", "--root=data")
     run("lerobot-bimanual", "dataset", "generate", *few, folder=tmp_path, PYTHONPATH=str(site))
+    listed = ("task", "list", "--task=prehensile")
+    assert "my_own" in run("lerobot-bimanual", *listed, folder=tmp_path, PYTHONPATH=str(site))
     shipped = EXAMPLES.parent / "results/checkpoints/peract2_on_all"
     for policy in ("--policy.type=my_own", f"--policy.path={shipped}"):
         out = policy.rpartition("_")[2]
@@ -65,12 +63,13 @@ def test_a_task_and_a_policy_of_ones_own_pass_their_tests_and_are_trained_and_sc
         ours = (policy, "--policy.device=cpu", "--policy.push_to_hub=false", "--steps=2", "--save_freq=2")
         run("lerobot-bimanual-train", *ours, *places, "--batch_size=2", folder=tmp_path, PYTHONPATH=str(site))
         checkpoint = f"--policy.path={out}/checkpoints/last/pretrained_model"
-        env = ("--env.task=my_own", "--env.image_size=128", "--eval.n_episodes=1", "--eval.batch_size=1")
+        env = ("--env.task=my_own", "--env.image_size=128", "--eval.n_episodes=2", "--eval.batch_size=2")
         trusted = ("--policy.device=cpu", "--trust_checkpoint=true", f"--output_dir={out}/eval")
         words = ("lerobot-bimanual-eval", checkpoint, *env, *trusted)
         said = run(*words, folder=tmp_path, fresh=True, PYTHONPATH=str(site))
-        assert "of 1 episodes solved" in said
-        assert evaluation(tmp_path / out / "eval")["overall"]["n_episodes"] == 1
+        assert "of 2 episodes solved" in said
+        evaluated = json.loads((tmp_path / out / "eval/eval_info.json").read_text())
+        assert evaluated["overall"]["n_episodes"] == 2
 
 
 @pytest.mark.weekly

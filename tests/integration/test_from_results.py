@@ -8,33 +8,32 @@ from planted_failures import evaluation, expert_keyposes, played
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.reader import RecordedDataset
-from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode
 
 pytestmark = pytest.mark.weekly
 
 
-@pytest.fixture(scope="module")
-def records(tmp_path_factory):
-    """Of four episodes: solved by keyposes, solved by joint actions, failed, and without a tick."""
+def states_played_again(dataset: RecordedDataset, index: int) -> list[int]:
+    """The state after every action of an episode of `frames`, as datasets store it."""
+    meta, columns = (episode := dataset.episode(index)).meta, episode.columns
+    env = BimanualEnv(meta.task, split=meta.split, obs="state")
+    env.reset(seed=meta.seed, options={"variation": meta.variation})
+    return [schema.state_hash_column(env.state_hash()) for each in columns[schema.ACTION] if env.step(each)]
+
+
+def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes(tmp_path, capsys):
     env, joint_actions = BimanualEnv("lift_ball", obs="state"), []
     with env.observed_by(lambda _, action: joint_actions.append(action.copy())):
         run_episode(env, 4, expert())
-    env.close()
     impossible = np.zeros(18)
     stopped = [expert_keyposes("lift_ball", seed=5)[0], impossible]
     actions = (expert_keyposes("lift_ball", seed=3), joint_actions, stopped, [impossible])
     episodes = [played("lift_ball", each, seed) for seed, each in enumerate(actions, 3)]
-    path = tmp_path_factory.mktemp("records") / "lift_ball_test_record.json"
+    assert [episode.success for episode in episodes] == [True, True, False, False]
+    records = tmp_path / "lift_ball_test_record.json"
     options = {"split": "test", "image_size": 24, "cameras": "front,left_wrist"}
-    evaluation("lift_ball", options, *episodes).write(path)
-    return path
-
-
-def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes(records, played_again, tmp_path, capsys):
-    played = EvaluationRecord.read(records).episodes
-    assert [episode.success for episode in played] == [True, True, False, False]
+    evaluation("lift_ball", options, *episodes).write(records)
     root = tmp_path / "played"
     words = ["dataset", "from-results", f"--results={records}", "--workers=1"]
     assert main([*words, f"--root={root}"]) == 0
@@ -48,7 +47,9 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes(records, play
         assert [bool(row[feature_table.SUCCESS]) for row in last] == [True, True, False]
         assert [row[feature_table.FAILURE_CLASS] for row in last] == ["", "", "unreachable"]
     frames = RecordedDataset(root / "frames")
-    assert [played_again(frames, index) for index in range(3)] == [each.ticks for each in played[:3]]
+    assert [len(episode) for episode in frames.episodes()] == [each.ticks for each in episodes[:3]]
+    for episode in frames.episodes():
+        assert states_played_again(frames, episode.index) == episode.columns[schema.STATE_HASH].tolist()
     # The poses that discovery finds in joint actions are where keyposes lead.
     reached = RecordedDataset(root / "keyframes").episode(1).columns
     columns = (reached[schema.EE_POSE][1:], reached[schema.ACTION][:-1])

@@ -60,10 +60,6 @@ def assert_equal_weights(first: Path, second: Path) -> None:
     assert all(one[name].equal(other[name]) for name in one)
 
 
-def checkpoint_config(folder: Path) -> dict:
-    return json.loads((folder / "checkpoints" / "last" / "pretrained_model" / "config.json").read_text())
-
-
 @pytest.fixture(scope="module")
 def room(tmp_path_factory) -> Path:
     """A folder with a dataset of two demonstrations in both views."""
@@ -83,7 +79,7 @@ def keypose_policy_types() -> list[str]:
 @pytest.mark.parametrize("policy", keypose_policy_types())
 def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     train(*tiny_flags[policy], folder=room, data=KEYFRAMES, steps=20, output=policy)
-    config = checkpoint_config(room / policy)
+    config = json.loads((room / policy / "checkpoints/last/pretrained_model/config.json").read_text())
     meta = room / KEYFRAMES / "meta"
     stats, origin = (json.loads((meta / f"{name}.json").read_text()) for name in ("stats", "bimanual"))
     (most,) = stats["observation.keypose_step"]["max"]
@@ -153,11 +149,7 @@ def test_our_evaluation_refuses_a_strangers_checkpoint_on_one_line(kind, in_a_fi
 
 
 @pytest.mark.parametrize(
-    ("flag", "said"),
-    [
-        ("--stpes=1", "unrecognized arguments: --stpes=1"),
-        ("--policy.type=peract3", "invalid choice: 'peract3'"),
-    ],
+    ("flag", "said"), [("--stpes=1", "arguments: --stpes=1"), ("--policy.type=peract3", "choice: 'peract3'")]
 )
 def test_lerobot_refuses_flags_that_it_does_not_know_on_one_line(flag, said, tmp_path):
     words = ("lerobot-bimanual-train", "--dataset.repo_id=local/x", flag)

@@ -41,23 +41,15 @@ def stored_in(root: Path, view: schema.View, offsets: dict[str, list[int]], **op
     return LeRobotDataset("local/small", root=root / view, **options)
 
 
-@pytest.fixture
-def stored(generated) -> LeRobotDataset:
-    return stored_in(generated, "keyframes", {})
-
-
-def as_lerobot_trains(batch: dict, colours: set[str]) -> dict:
-    """What LeRobot's training loop does to a batch before the policy's preprocessor."""
-    return batch | {key: batch[key].float() / 255 for key in colours if not batch[key].is_floating_point()}
-
-
 def assert_same_batches(held: ResidentDataset, stored: LeRobotDataset, rows: list[int], left_out=()) -> None:
     """Every batch of three of these rows is equal to the bit, but for keys that are left out of it."""
+    colour_keys = {*stored.meta.camera_keys} - {*stored.meta.depth_keys}
     for start in range(0, len(rows), 3):
         chosen = rows[start : start + 3]
         batch = held.batch(default_collate([held[row] for row in chosen]))
         expected = default_collate([stored[row] for row in chosen])
-        expected = as_lerobot_trains(expected, set(stored.meta.camera_keys) - set(stored.meta.depth_keys))
+        colours = [key for key in colour_keys if not expected[key].is_floating_point()]
+        expected |= {key: expected[key].float() / 255 for key in colours}  # as LeRobot's training loop does
         expected = {key: value for key, value in expected.items() if key not in left_out}
         assert batch.keys() == expected.keys()
         for key, value in expected.items():
@@ -91,15 +83,16 @@ def test_chosen_episodes_are_learnt_with_their_own_rows_and_unread_images_are_no
     assert_same_batches(held, stored, [0, len(stored) // 2, len(stored) - 1], left_out)
 
 
-def test_a_policy_reads_the_images_that_it_names_and_all_if_it_names_none(stored):
+def test_a_policy_reads_the_images_that_it_names_and_all_if_it_names_none(generated):
+    meta = stored_in(generated, "keyframes", {}).meta
     front = schema.image_key("front")
     seen = PolicyFeature(FeatureType.VISUAL, (3, 32, 32))
 
     def read(renamed: dict[str, str], *inputs: str) -> set[str]:
         policy = ACTConfig(input_features=dict.fromkeys(inputs, seen), device="cpu")
-        return images_read(SimpleNamespace(policy=policy, rename_map=renamed), stored.meta)
+        return images_read(SimpleNamespace(policy=policy, rename_map=renamed), meta)
 
-    assert read({}) == set(stored.meta.camera_keys)
+    assert read({}) == set(meta.camera_keys)
     assert read({}, front) == {front}
     assert read({front: "observation.images.camera1"}, "observation.images.camera1") == {front}
 
@@ -126,7 +119,8 @@ def test_what_is_missing_on_the_way_to_the_accelerator_is_named(monkeypatch):
         AcceleratorWithMemory(SimpleNamespace(), SimpleNamespace, None).autocast()
 
 
-def test_depth_is_rounded_to_16_bits_and_a_dataset_larger_than_the_memory_is_refused(stored, monkeypatch):
+def test_depth_is_rounded_to_16_bits_and_a_dataset_larger_than_the_memory_is_refused(generated, monkeypatch):
+    stored = stored_in(generated, "keyframes", {})
     held, key = ResidentDataset(stored, CPU), schema.depth_key("front")
     depth_mm = torch.tensor([0.4, 1.5, 999.9, 65535.0, 70000.0, -3.0])
     assert held._unpacked(key, held._packed(key, depth_mm)).tolist() == [0, 2, 1000, 65535, 65535, 0]

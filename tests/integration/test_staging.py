@@ -4,6 +4,7 @@ import errno
 import shutil
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from corruptions import rewrite
@@ -88,11 +89,8 @@ def test_foreign_files_and_shards_of_other_candidates_are_refused_and_left_alone
 def test_a_full_disk_is_one_clear_error_and_keeps_what_is_finished(begun, records_here, monkeypatch) -> None:
     config, folder = begun
     shutil.rmtree(folder / "shards/000001")
-
-    def end_episode(_: ViewWriter) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(ViewWriter, "end_episode", end_episode)
+    full = OSError(errno.ENOSPC, "No space left on device")
+    monkeypatch.setattr(ViewWriter, "end_episode", Mock(side_effect=full))
     with pytest.raises(DatasetError, match=r"no space left on the disk of .*000001; free some and repeat"):
         make_dataset(settings_of(config), config.root, records_here())
     assert [path.name for path in (folder / "shards").iterdir()] == ["000000"]

@@ -54,9 +54,7 @@ def test_lerobot_reads_which_stage_every_row_belongs_to_and_verify_finds_nothing
     assert main(["dataset", "verify", f"--root={root}"]) == 0
 
 
-def test_rows_of_an_annotated_dataset_make_a_batch_and_keep_their_words_in_training_from_memory(
-    annotated_once,
-):
+def test_rows_of_an_annotated_dataset_make_a_batch_and_keep_their_words_in_memory(annotated_once):
     dataset = LeRobotDataset("local/annotated", root=annotated_once / "keyframes")
     assert batch_of(dataset, range(3))[schema.ACTION].shape == (3, 18)
     held = ResidentDataset(dataset, torch.device("cpu"))

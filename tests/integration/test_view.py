@@ -59,7 +59,6 @@ def test_a_second_film_of_an_episode_is_turned_and_zoomed_like_the_first(monkeyp
         films.write_film(env, rollouts, Path(name))
     first, second = np.split(np.array(pictures), 2)
     assert np.array_equal(first, second)
-    env.close()
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import yaml
 from lerobot.envs.configs import HubEnvConfig
 from lerobot.envs.factory import make_env
@@ -62,16 +61,13 @@ ENV_PY = Path(__file__).parents[2] / "examples/12_envhub/env.py"
 COMMIT = 40 * "a"
 
 
-@pytest.fixture
-def downloaded(tmp_path) -> dict:
-    """Arguments with which LeRobot finds the repository `someone/bimanual` as the Hub's library stores it."""
-    place = tmp_path / "models--someone--bimanual/snapshots" / COMMIT
+def test_lerobot_makes_every_task_or_the_chosen_ones_with_the_options_of_the_repository(tmp_path):
+    place = (
+        tmp_path / "models--someone--bimanual/snapshots" / COMMIT
+    )  # as the Hub's library stores a repository
     place.mkdir(parents=True)
     shutil.copy(ENV_PY, place)
-    return {"hub_cache_dir": str(tmp_path), "trust_remote_code": True, "use_async_envs": False}
-
-
-def test_lerobot_makes_every_task_or_the_chosen_ones_with_the_options_of_the_repository(downloaded):
+    downloaded: Any = {"hub_cache_dir": str(tmp_path), "trust_remote_code": True, "use_async_envs": False}
     envs = make_env(f"someone/bimanual@{COMMIT}", n_envs=2, **downloaded)
     assert {suite: len(numbered) for suite, numbered in envs.items()} == {"all": len(list_tasks())}
     env = envs["all"][0]

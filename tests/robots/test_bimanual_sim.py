@@ -1,6 +1,7 @@
 """The simulated arms as a LeRobot robot."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -11,26 +12,22 @@ from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import BimanualError, InvalidAction, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.worlds import EpisodeReset
 from lerobot_robot_bimanual.bimanual_sim import AT_HOME_RAD, AWAY_RAD, BimanualSim
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
 
 
 @pytest.fixture
-def make_robot(tmp_path) -> Iterator[Callable[..., BimanualSim]]:
-    """Makes robots without cameras, connected by default."""
-    robots: list[BimanualSim] = []
+def make_robot(tmp_path) -> Callable[..., BimanualSim]:
+    """Makes robots without cameras, connected by default; LeRobot disconnects what is forgotten."""
 
     def make(connected: bool = True, **options) -> BimanualSim:
-        config = BimanualSimConfig(**{"obs": "state", "calibration_dir": tmp_path} | options)
-        robots.append(BimanualSim(config))
+        robot = BimanualSim(BimanualSimConfig(**{"obs": "state", "calibration_dir": tmp_path} | options))
         if connected:
-            robots[-1].connect()
-        return robots[-1]
+            robot.connect()
+        return robot
 
-    yield make
-    for robot in robots:
-        if robot.is_connected:
-            robot.disconnect()
+    return make
 
 
 def action(values) -> dict[str, float]:
@@ -68,14 +65,10 @@ def test_its_features_are_those_of_our_datasets_and_it_shows_what_the_environmen
     assert np.array_equal(observed["front"], expected["pixels"]["front"])
     difference_mm = observed["front_depth"][..., 0] - expected["images.front_depth"][0]
     assert np.abs(difference_mm).max() <= 0.5
-    env.close()
 
 
 def test_an_episode_that_cannot_begin_leaves_no_robot_connected(make_robot, monkeypatch):
-    def fail(*_):
-        raise PlacementFailure("nowhere")
-
-    monkeypatch.setattr("lerobot_env_bimanual.worlds.EpisodeReset.start", fail)
+    monkeypatch.setattr(EpisodeReset, "start", Mock(side_effect=PlacementFailure("nowhere")))
     robot = make_robot(connected=False)
     with pytest.raises(PlacementFailure):
         robot.connect()
@@ -114,16 +107,11 @@ def test_an_episode_that_is_over_stands_still_and_time_alone_ends_none(make_robo
     assert robot.env.progress.seed == 1
 
 
-def test_an_episode_that_cannot_begin_is_passed_over_when_the_hands_are_sent_home_again(
-    make_robot, monkeypatch
-):
-    def fail(*_):
-        raise PlacementFailure("nowhere")
-
+def test_an_episode_that_cannot_begin_is_passed_over_when_hands_are_sent_home_again(make_robot, monkeypatch):
     robot = make_robot()
     robot.send_action(home(2 * AWAY_RAD))
     with monkeypatch.context() as patch:
-        patch.setattr("lerobot_env_bimanual.worlds.EpisodeReset.start", fail)
+        patch.setattr(EpisodeReset, "start", Mock(side_effect=PlacementFailure("nowhere")))
         with pytest.raises(PlacementFailure):
             robot.send_action(home())
     robot.send_action(home())

@@ -2,9 +2,7 @@
 
 import logging
 import os
-import re
 import runpy
-import shlex
 import signal
 import sys
 from collections.abc import Iterator
@@ -14,6 +12,7 @@ from pathlib import Path
 import draccus
 import grpc
 import pytest
+from documents import commands
 from lerobot.configs.train import TrainPipelineConfig  # noqa: F401  before plugins ask for it
 from lerobot.datasets import LeRobotDataset
 
@@ -35,11 +34,9 @@ TINY_ACT = (
 
 def page_command(program: str) -> list[str]:
     """The words after a program's name, in its one call on the page."""
-    blocks = re.findall(r"```bash\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
-    calls = [shlex.split(line.removesuffix("&")) for line in lines if line.startswith(program + " ")]
-    (words,) = calls
-    return words[len(program.split()) :]
+    name = program.split()
+    (words,) = [words for words in commands(PAGE) if words[: len(name)] == name]
+    return words[len(name) :]
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +53,9 @@ def room(tmp_path_factory) -> Iterator[Path]:
         signal.signal(number, handler)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def told() -> Iterator[list[str]]:
-    """What the robot has logged since this list was cleared."""
+    """What the robot logs."""
     messages: list[str] = []
     handler = logging.Handler()
     handler.emit = lambda record: messages.append(record.getMessage())
@@ -93,7 +90,6 @@ def trained(demonstrations, room) -> Path:
 
 
 def test_a_demonstration_replays_to_success_and_to_its_last_state(demonstrations, told):
-    told.clear()
     call("lerobot-replay", *SMALL)
     dataset = LeRobotDataset("local/demonstrations", root=demonstrations, episodes=[1])
     last = dataset.hf_dataset[-1][schema.STATE_HASH]
@@ -102,7 +98,6 @@ def test_a_demonstration_replays_to_success_and_to_its_last_state(demonstrations
 
 
 def test_act_trained_on_demonstrations_is_rolled_out(trained, told):
-    told.clear()
     call("lerobot-rollout", *SMALL, "--duration=1", "--device=cpu")
     assert "test seed 0: " in told[0]
     assert "not solved, unmet: " in told[1]
@@ -113,7 +108,6 @@ def test_act_is_served_asynchronously(trained, told, monkeypatch):
     from lerobot.async_inference.policy_server import PolicyServer
     from lerobot.transport import services_pb2_grpc
 
-    told.clear()
     words = page_command("python -m lerobot.async_inference.policy_server")
     config = draccus.parse(PolicyServerConfig, args=words)
     server = grpc.server(ThreadPoolExecutor(4))

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import ConfigDict
-
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.checkpoint_folder import CONFIG_FILE, require_checkpoint
 from lerobot_bimanual.dataset.schema import image_key
@@ -20,16 +18,12 @@ CHECKER = "policy check"
 """The command whose module has a function `require_safe`."""
 
 
-class _Feature(Record):
-    model_config = ConfigDict(extra="ignore")
-
+class _Feature(Record, extra="ignore"):
     shape: tuple[int, ...]
 
 
-class _Config(Record):
+class _Config(Record, extra="ignore"):
     """Part of a policy's `config.json`."""
-
-    model_config = ConfigDict(extra="ignore")
 
     type: str
     input_features: dict[str, _Feature]

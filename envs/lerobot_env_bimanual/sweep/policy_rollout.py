@@ -110,11 +110,10 @@ class PolicyRollout:
             ) from error
         finally:
             env.close()
-        record = EvaluationRecord.read(path)
-        episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
-        if [episode.seed for episode in episodes] != list(seeds):
+        record = EvaluationRecord.read(path).of_seeds(seeds)
+        if [episode.seed for episode in record.episodes] != list(seeds):
             raise BimanualError(f"{path} lacks episodes of the seeds {seeds.start}:{seeds.stop}")
-        return record.model_copy(update={"episodes": episodes})
+        return record
 
 
 def policy_player(folder: Path) -> Player:

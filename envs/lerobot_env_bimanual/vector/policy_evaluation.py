@@ -92,10 +92,7 @@ def evaluate(
                 _play(envs, act, batch, keys)
         finally:
             envs.close()
-        record = EvaluationRecord.read(path)
-        # The folder may hold further ones of the same evaluation.
-        episodes = tuple(each for each in record.episodes if each.seed in wanted)
-        record = record.model_copy(update={"episodes": episodes})
+        record = EvaluationRecord.read(path).of_seeds(wanted)  # the folder may hold further ones
     if progress:
         tqdm.write(f"{task}: {summary(record.episodes)}", file=sys.stderr)
     return record

@@ -34,13 +34,7 @@ def postures() -> np.ndarray:
     return np.random.default_rng(0).uniform(lower, upper, (50, 7))
 
 
-@pytest.fixture(scope="session")
-def _furnished_scene() -> Scene:
-    return Scene([Block("block"), Wall()])
-
-
 @pytest.fixture
-def furnished_scene(_furnished_scene) -> Scene:
+def furnished_scene(scene_of) -> Scene:
     """Arms at home, a block and a wall that the test places."""
-    _furnished_scene.reset()
-    return _furnished_scene
+    return scene_of(Block("block"), Wall())

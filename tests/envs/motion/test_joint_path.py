@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.motion import time_law
@@ -88,7 +88,6 @@ def test_a_closed_wall_has_no_way_around():
     assert _find(lambda point: abs(point[0]) >= 0.1, max_iterations=300) is None
 
 
-BOTH = [PANDA_PAIR.kinematics[arm] for arm in ARMS]
 STILL = JointPath(np.stack([HOME, HOME]))
 
 
@@ -142,7 +141,7 @@ def test_a_long_swing_uses_the_speed_it_may_and_takes_hardly_longer_than_it_must
 @pytest.mark.parametrize("path", [swing(0, 1.5), swing(0, 0.1, 1.2, 1.3), swing(0, -0.4), swing(0, 1)])
 def test_the_tip_keeps_its_greatest_speed_and_gains_it_slowly_where_it_pushes(path, pace):
     joints = path.at(np.append(0.0, law(path, pace=pace)))
-    tips_m = np.array([BOTH[0].fk(posture)[:3, 3] for posture in joints])
+    tips_m = np.array([PANDA_PAIR.kinematics[Arm.LEFT].fk(posture)[:3, 3] for posture in joints])
     speed_m_s = np.linalg.norm(np.diff(tips_m, axis=0), axis=1) * CONTROL_HZ
     gains_m_s2 = np.diff(speed_m_s) * CONTROL_HZ
     assert speed_m_s.max() < 1.02 * pace.tip_m_s
@@ -159,10 +158,6 @@ def test_the_slower_arm_decides_the_duration_and_arms_that_stand_still_take_no_t
     assert np.array_equal(small.at(law(small))[-1], small.knots[-1])
 
 
-FINGERTIPS_M = 0.01
-"""Beyond the tool centre point."""
-
-
 @pytest.mark.parametrize(
     ("mass_kg", "gap_m", "is_beside"),
     [
@@ -172,9 +167,9 @@ FINGERTIPS_M = 0.01
     ],
 )
 def test_a_hand_is_beside_a_heavy_thing_only_where_it_is_near(mass_kg, gap_m, is_beside):
-    """With a box in the air, so far in front of the left hand's fingertips."""
+    """With a box in the air, so far in front of the left hand's fingertips, 1 cm beyond the tool centre point."""
     box = Box("box", mass_kg=mass_kg)
     scene = Scene((box,))
-    scene.place("box", scene.tcp(Arm.LEFT) @ Pose.upright((0, 0, FINGERTIPS_M + gap_m + box.size_m[2] / 2)))
+    scene.place("box", scene.tcp(Arm.LEFT) @ Pose.upright((0, 0, 0.01 + gap_m + box.size_m[2] / 2)))
     assert time_law.is_beside_heavy(scene, Arm.LEFT) == is_beside
     assert not time_law.is_beside_heavy(scene, Arm.RIGHT)

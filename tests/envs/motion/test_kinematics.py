@@ -4,7 +4,6 @@ import numpy as np
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion import lines
 from lerobot_env_bimanual.motion.feasibility import goal_postures
 from lerobot_env_bimanual.motion.lines import LineRequest, line_poses, straight_lines
@@ -13,17 +12,10 @@ from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 
 def test_forward_kinematics_is_that_of_the_simulated_arm(scene, postures):
-    data = mujoco.MjData(scene.model)
-    for arm in ARMS:
-        kinematics = scene.arm_pair.kinematics[arm]
-        site = scene.model.site(scene.arm_pair.tcp_site(arm)).id
-        joints = [scene.model.joint(name).qposadr[0] for name in scene.arm_pair.joint_names(arm)]
-        for posture in postures:
-            data.qpos[joints] = posture
-            mujoco.mj_kinematics(scene.model, data)
-            pose = kinematics.fk(posture)
-            assert np.abs(pose[:3, 3] - data.site_xpos[site]).max() < 1e-6
-            assert np.abs(pose[:3, :3] - data.site_xmat[site].reshape(3, 3)).max() < 1e-6
+    for posture in postures:
+        scene.pose_arms(np.tile(posture, (2, 1)))
+        for arm in ARMS:
+            assert np.abs(scene.arm_pair.kinematics[arm].fk(posture) - scene.tcp(arm).matrix).max() < 1e-6
 
 
 def test_batched_poses_are_the_forward_kinematics_and_the_jacobian_is_their_derivative(kinematics, postures):
@@ -60,11 +52,6 @@ def test_solutions_reach_their_pose_within_the_limits_and_are_all_there_are(kine
 
 
 HOME = PANDA_PAIR.home_joints
-KNOT_ERROR_M = 2e-5
-
-
-def _posture(kinematics: ArmKinematics, pose: Pose) -> np.ndarray:
-    return goal_postures(kinematics, HOME, pose.matrix)[0]
 
 
 def _line(kinematics: ArmKinematics, start: np.ndarray, target: np.ndarray) -> np.ndarray | None:
@@ -77,7 +64,7 @@ def _lines(kinematics: ArmKinematics, count: int):
     rng = np.random.default_rng(0)
     while count:
         above = Pose.looking(rng.uniform((0.15, -0.3, 0.85), (0.4, 0.2, 1.1)), (0, 0, -1), rng.normal(size=3))
-        start = _posture(kinematics, above)
+        start = goal_postures(kinematics, HOME, above.matrix)[0]
         shift, tilt = rng.uniform(-0.23, 0.23, 3), rng.uniform(-0.6, 0.6, 3)
         opening = above.rotation[:, 1] + tilt
         target = Pose.looking(above.position + shift, tilt * (1, 1, 0) - (0, 0, 1), opening).matrix
@@ -93,7 +80,7 @@ def test_a_line_leads_from_the_commanded_joints_to_the_target_in_small_steps_wit
         assert np.abs(kinematics.fk(path[-1]) - target).max() < 1e-6
         origin = kinematics.fk(start)[:3, 3]
         way = target[:3, 3] - origin
-        for joints, limit in [(path, KNOT_ERROR_M), ((path[1:] + path[:-1]) / 2, 1e-3)]:
+        for joints, limit in [(path, 2e-5), ((path[1:] + path[:-1]) / 2, 1e-3)]:
             points = np.array([kinematics.fk(posture)[:3, 3] for posture in joints]) - origin
             along = points @ way / (way @ way)
             assert np.linalg.norm(points - along[:, None] * way, axis=1).max() < limit
