@@ -1,74 +1,84 @@
-"""The config is checked, survives the checkpoint, and gives LeRobot its presets."""
+"""The config is checked, follows the dataset, and gives LeRobot its presets."""
 
 import re
 from dataclasses import fields
 
+import numpy as np
 import pytest
 import torch
 from draccus.wrappers.docstring import get_attribute_docstring, get_preferred_help_text
-from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
+from lerobot.configs import PreTrainedConfig
+from lerobot.utils.feature_utils import dataset_to_policy_features
 
-from lerobot_bimanual.dataset.schema import EE_POSE, VECTORS, depth_key, image_key
+from lerobot_bimanual.dataset.feature_table import features
+from lerobot_bimanual.dataset.schema import EE_POSE, KEYPOSE_STEP, depth_key, image_key
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
-from lerobot_policy_bimanual import PerAct2Config, PerActIndependentConfig, PerActLFConfig
+from lerobot_policy_bimanual import PerAct2Config, PerActIndependentConfig, PerActLFConfig, RVTLFConfig
 from lerobot_policy_bimanual.errors import BadConfig
-
-
-def dataset_inputs(cameras: tuple[str, ...]) -> dict[str, PolicyFeature]:
-    inputs = {}
-    for camera in cameras:
-        inputs[image_key(camera)] = PolicyFeature(FeatureType.VISUAL, (3, 16, 16))
-        inputs[depth_key(camera)] = PolicyFeature(FeatureType.VISUAL, (1, 16, 16))
-    for key, names in VECTORS.items():
-        inputs[key] = PolicyFeature(FeatureType.STATE, (len(names),))
-    return inputs
-
-
-def test_config_survives_saving(tmp_path):
-    config = PerAct2Config(device="cpu", cameras=("front",), decode="expectation", voxel_size=50)
-    config.input_features = dataset_inputs(("front",))
-    config.save_pretrained(tmp_path)
-    assert PreTrainedConfig.from_pretrained(tmp_path) == config
+from lerobot_policy_bimanual.keypose.dataset_fit import fit_config
 
 
 @pytest.mark.parametrize(
-    ("changes", "error", "hint"),
+    ("kind", "changes", "error", "hint"),
     [
-        ({"translation_head": "sparse"}, InvalidChoice, "dense, factorised"),
-        ({"voxel_cells": 1}, BadConfig, "at least 2"),
-        ({"translation_head": "factorised", "projection_dilations": (0,)}, BadConfig, "numbers from 1"),
-        ({"language_filters": True}, BadConfig, "translation_head=factorised"),
-        ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
-        ({"language_encoder": "bert"}, InvalidChoice, "learned, wordllama, clip:"),
-        ({"cameras": ("overhead",)}, InvalidChoice, "left_shoulder"),
-        ({"cameras": tuple("[front]")}, BadConfig, r"'\[front\]', .*--policy.cameras='\[\"front\""),
-        ({"cameras": ()}, BadConfig, "at least one camera"),
-        ({"cameras": ("front", "front")}, BadConfig, "none twice"),
-        ({"heads": 0}, BadConfig, "heads is 0, but must be a whole number from 1 to 128"),
-        ({"heads": True}, BadConfig, "whole number"),
-        ({"optimizer_lr": float("nan")}, BadConfig, "a number from 0 to 10"),
-        ({"attention_dropout": 1.0}, BadConfig, "a number from 0 to 0.9"),
-        ({"workspace_upper": (0.7, -0.5, 1.6)}, BadConfig, "on every axis"),
-        ({"n_obs_steps": 2}, BadConfig, "must be 1"),
-        ({"voxel_size": 64}, BadConfig, "multiple of 5"),
-        ({"num_latents": 33}, BadConfig, "evenly"),
-        ({"rotation_bin_deg": 7.0}, BadConfig, "divide 360"),
+        (PerAct2Config, {"translation_head": "sparse"}, InvalidChoice, "dense, factorised"),
+        (PerAct2Config, {"voxel_cells": 1}, BadConfig, "at least 2"),
+        (PerAct2Config, {"projection_dilations": (0,)}, BadConfig, "whole numbers from 1"),
+        (PerAct2Config, {"language_filters": True}, BadConfig, "translation_head=factorised"),
+        (PerAct2Config, {"decode": "mean"}, InvalidChoice, "voxel, expectation"),
+        (PerAct2Config, {"language_encoder": "bert"}, InvalidChoice, "learned, wordllama, clip:"),
+        (PerAct2Config, {"cameras": ("overhead",)}, InvalidChoice, "left_shoulder"),
+        (PerAct2Config, {"cameras": tuple("[front]")}, BadConfig, r"'\[front\]'.*policy.cameras='\[\"front"),
+        (PerAct2Config, {"cameras": ()}, BadConfig, "at least one camera"),
+        (PerAct2Config, {"cameras": ("front", "front")}, BadConfig, "none twice"),
+        (PerAct2Config, {"heads": 0}, BadConfig, "heads is 0, but must be a whole number from 1 to 128"),
+        (PerAct2Config, {"heads": True}, BadConfig, "whole number"),
+        (PerAct2Config, {"optimizer_lr": float("nan")}, BadConfig, "a number from 0 to 10"),
+        (PerAct2Config, {"attention_dropout": 1.0}, BadConfig, "a number from 0 to 0.9"),
+        (PerAct2Config, {"workspace_upper": (0.7, -0.5, 1.6)}, BadConfig, "on every axis"),
+        (PerAct2Config, {"n_obs_steps": 2}, BadConfig, "must be 1"),
+        (PerAct2Config, {"voxel_size": 64}, BadConfig, "multiple of 5"),
+        (PerAct2Config, {"num_latents": 33}, BadConfig, "evenly"),
+        (PerAct2Config, {"rotation_bin_deg": 7.0}, BadConfig, "divide 360"),
+        (RVTLFConfig, {"leader": "middle"}, InvalidChoice, "right, left"),
+        (RVTLFConfig, {"voxel_size": 100}, BadConfig, "multiple of 11"),
+        (RVTLFConfig, {"patch": 10}, BadConfig, "must be odd"),
+        (RVTLFConfig, {"token_dim": 12}, BadConfig, "multiple of 8"),
+        (RVTLFConfig, {"attention_dim": 100}, BadConfig, "multiple of 8"),
+        (RVTLFConfig, {"depth": 3}, BadConfig, "multiple of 2"),
+        (RVTLFConfig, {"heatmap_sigma_px": 0.0}, BadConfig, "a number from 0.01"),
+        (RVTLFConfig, {"heatmap_fusion": "sum"}, InvalidChoice, "mean, product"),
+        (RVTLFConfig, {"fine_stage_zoom": 4}, BadConfig, "heatmap_fusion=product"),
+        (RVTLFConfig, {"heatmap_dilations": (0,)}, BadConfig, "whole numbers from 1"),
     ],
 )
-def test_values_that_cannot_work_are_refused_with_what_can(changes, error, hint):
+def test_values_that_cannot_work_are_refused_with_what_can(kind, changes, error, hint):
     with pytest.raises(error, match=hint):
-        PerAct2Config(device="cpu", **changes)
+        kind(device="cpu", **changes)
 
 
 def test_only_what_the_policy_reads_stays_among_its_inputs_and_missing_depth_is_named():
     config = PerAct2Config(device="cpu", cameras=("front",))
-    config.input_features = dataset_inputs(("front", "left_wrist"))
+    config.input_features = dataset_to_policy_features(features(("front", "left_wrist"), 16, 16, "keyframes"))
     config.validate_features()
     assert EE_POSE not in config.input_features
     assert set(config.image_features) == {image_key("front"), depth_key("front")}
     del config.input_features[depth_key("front")]
     with pytest.raises(DatasetError, match=r"observation\.images\.front_depth"):
         config.validate_features()
+
+
+@pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (0.0, 2), (None, 25)])
+def test_the_horizon_is_of_the_dataset_or_the_papers_code(largest, horizon):
+    config = PerAct2Config(device="cpu")
+    fit_config(config, None, None if largest is None else {KEYPOSE_STEP: {"max": np.array([largest])}})
+    assert config.keypose_horizon == horizon
+
+
+@pytest.mark.parametrize("stats", [{}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])
+def test_where_a_dataset_tells_no_horizon_the_flag_is_named(stats):
+    with pytest.raises(BadConfig, match=r"--policy\.keypose_horizon"):
+        fit_config(PerAct2Config(device="cpu"), None, stats)
 
 
 @pytest.mark.parametrize("policy", [PerActIndependentConfig, PerActLFConfig])

@@ -14,13 +14,12 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 import lerobot_policy_bimanual
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP, depth_key
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError, DatasetError, InvalidChoice
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual import evaluate
-from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual import PerAct2Config, PerAct2Policy
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
-from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 
 def part(batch: dict, sample: int) -> dict:
@@ -40,23 +39,20 @@ def test_every_registered_keypose_policy_is_walked_by_these_tests(specimens):
 
 def test_the_package_offers_the_config_the_policy_and_the_processors_of_every_type(policy_type):
     offered = {name: getattr(lerobot_policy_bimanual, name) for name in lerobot_policy_bimanual.__all__}
-    policy_class = get_policy_class(policy_type)
-    for part in (PreTrainedConfig.get_choice_class(policy_type), policy_class):
-        assert offered[part.__name__] is part
+    for kind in (PreTrainedConfig.get_choice_class(policy_type), get_policy_class(policy_type)):
+        assert offered[kind.__name__] is kind
     assert callable(offered[f"make_{policy_type}_pre_post_processors"])
 
 
-def test_a_policy_without_its_preprocessor_is_not_evaluated_as_a_callable(policy_type):
-    policy = object.__new__(get_policy_class(policy_type))
+def test_a_policy_without_its_preprocessor_is_not_evaluated_as_a_callable():
     with pytest.raises(BimanualError, match="score its checkpoint with `lerobot-eval`"):
-        evaluate(policy, "lift_ball")
+        evaluate(object.__new__(PerAct2Policy), "lift_ball")
 
 
 def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):
-    policy_class = get_policy_class(policy_type)
     config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
     with torch.device("meta"):
-        policy = policy_class(config)
+        policy = get_policy_class(policy_type)(config)
     count = sum(each.numel() for name, each in policy.named_parameters() if not name.startswith("language."))
     assert count == specimens[policy_type].parameters
 
@@ -73,11 +69,13 @@ def test_action_is_a_valid_keypose_of_both_arms(make_policy, make_batch, decode)
             assert policy.config.workspace.contains(target.pose.position)
 
 
-def test_labels_and_recorded_actions_do_not_change_the_action(make_policy, make_batch):
+def test_labels_are_needed_to_learn_and_do_not_change_the_action(make_policy, make_batch):
     policy = make_policy()
     batch = make_batch()
     observation = {key: value for key, value in batch.items() if key != ACTION}
     action = policy.select_action(observation)
+    with pytest.raises(DatasetError, match=ACTION):
+        policy(observation)
     batch[ACTION] = batch[ACTION].flip(0)
     assert torch.equal(policy.select_action(batch), action)
     assert torch.equal(policy.predict_action_chunk(batch)[:, 0], action)
@@ -127,8 +125,6 @@ def test_a_batch_stays_as_it_is_and_only_the_training_loss_is_augmented(make_pol
     policy.train()(batch)
     policy.select_action(batch)
     assert_equal_batches(batch, before)
-    policy = make_policy()
-    batch = make_batch()
     assert torch.equal(policy.eval()(batch)[0], policy.eval()(batch)[0])
     assert not torch.equal(policy.train()(batch)[0], policy.train()(batch)[0])
 
@@ -138,7 +134,7 @@ def test_policy_survives_saving_whatever_the_environments_action(make_policy, ma
     policy.save_pretrained(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"config.json", "model.safetensors"}
     config = PreTrainedConfig.from_pretrained(tmp_path)
-    assert type(config) is type(policy.config)
+    assert config == policy.config
     assert config.output_features == {"action": PolicyFeature(FeatureType.ACTION, (18,))}
     config.output_features = {"action": PolicyFeature(FeatureType.ACTION, (16,))}
     restored = type(policy).from_pretrained(tmp_path, config=config, strict=True)
@@ -148,8 +144,8 @@ def test_policy_survives_saving_whatever_the_environments_action(make_policy, ma
     assert restored.config.output_features == policy.config.output_features
 
 
-@pytest.mark.parametrize("cameras", [("front",), ("right_wrist", "left_shoulder")])
-def test_only_the_chosen_cameras_are_looked_at(make_policy, make_batch, cameras):
+def test_only_the_chosen_cameras_are_looked_at(make_policy, make_batch):
+    cameras = ("right_wrist", "left_shoulder")
     policy = make_policy(cameras=cameras).eval()
     batch = make_batch()
     loss = policy(batch)[0]
@@ -173,14 +169,6 @@ def test_processors_leave_observations_alone_and_survive_saving(policy_type, mak
         assert torch.equal(postprocess(keypose), keypose)
 
 
-@pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2), (None, 25)])
-def test_the_horizon_is_of_the_dataset_or_the_papers_code_and_kept(make_policy, tmp_path, largest, horizon):
-    stats = None if largest is None else {KEYPOSE_STEP: {"max": np.array([largest])}}
-    policy = make_policy(dataset_stats=stats, keypose_horizon=None)
-    policy.save_pretrained(tmp_path)
-    assert PreTrainedConfig.from_pretrained(tmp_path).keypose_horizon == horizon
-
-
 def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(
     make_policy, tmp_path, caplog, monkeypatch
 ):
@@ -201,15 +189,9 @@ def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(
     longer = {KEYPOSE_STEP: {"max": np.array([6.0])}, ACTION: labels}
     restored = type(policy).from_pretrained(tmp_path, config=config, dataset_stats=longer)
     assert restored.config.keypose_horizon == 6
-    steps, workspace = (record.getMessage() for record in caplog.records)
+    steps, workspace = caplog.messages
     assert "episodes of 6 keyposes" in steps
     assert "beyond the workspace" in workspace
-
-
-@pytest.mark.parametrize("stats", [{}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])
-def test_where_a_dataset_tells_no_horizon_the_flag_is_named(make_policy, stats):
-    with pytest.raises(BadConfig, match=r"--policy\.keypose_horizon"):
-        make_policy(dataset_stats=stats, keypose_horizon=None)
 
 
 def test_a_policy_that_is_not_told_the_keyposes_so_far_does_not_need_them(make_policy, make_batch):

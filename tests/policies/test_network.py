@@ -10,13 +10,11 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.keypose.losses import keypose_losses
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d, pad_replicate
+from lerobot_policy_bimanual.peract.dense_head import DenseTranslation
 from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
 from lerobot_policy_bimanual.peract.network import PerActNetwork
 from lerobot_policy_bimanual.peract.pooling import pool
-from lerobot_policy_bimanual.peract.stem_features import StemFeatures
 from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
-
-BINS = 72
 
 
 @pytest.fixture
@@ -30,27 +28,15 @@ def make_network(tiny):
     return make
 
 
-def make_inputs(arms: int = 2, samples: int = 2, voxels: int = 10) -> tuple[torch.Tensor, ...]:
-    return (
-        torch.randn(samples, 10, voxels, voxels, voxels, dtype=torch.float64),
-        torch.randn(samples, 4 * arms, dtype=torch.float64),
-        torch.randn(samples, 4, 16, dtype=torch.float64),
-    )
-
-
-def head_config(**changes) -> PerAct2Config:
-    return PerAct2Config(device="cpu", translation_head="factorised", channels=4, token_dim=8, **changes)
+def make_inputs(arms: int = 2) -> tuple[torch.Tensor, ...]:
+    sizes = ((10, 10, 10, 10), (4 * arms,), (4, 16))
+    return tuple(torch.randn(2, *size, dtype=torch.float64) for size in sizes)
 
 
 def labels(voxel: torch.Tensor) -> KeyposeBins:
     """Labels with these voxels; the network reads no other part of them."""
     rest = torch.zeros(voxel.shape[:-1], dtype=torch.long)
     return KeyposeBins(voxel, voxel, rest, rest, voxel)
-
-
-def pose_logits(prediction) -> torch.Tensor:
-    parts = (prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions)
-    return torch.cat(parts, dim=-1)
 
 
 @pytest.mark.parametrize(
@@ -63,22 +49,22 @@ def test_dense_network_equals_the_written_out_one(make_network, monkeypatch, arm
     network = make_network(arms, activation_checkpointing=checkpointing)
     inputs = make_inputs(arms)
     voxel = torch.randint(0, 10, (2, arms, 3))
-    classes = torch.cat([torch.randint(0, BINS, (2, arms, 3)), torch.randint(0, 2, (2, arms, 2))], dim=-1)
+    classes = torch.cat([torch.randint(0, 72, (2, arms, 3)), torch.randint(0, 2, (2, arms, 2))], dim=-1)
 
     parameters = dict(network.named_parameters())
     translation, pose = reference.network(parameters, *inputs, arms=arms, heads=2)
-    reference.one_hot_loss(translation, pose, voxel, classes).backward()
-    expected = {name: parameter.grad.clone() for name, parameter in parameters.items()}
-    network.zero_grad()
+    loss = reference.one_hot_loss(translation, pose, voxel, classes)
+    expected = torch.autograd.grad(loss, list(parameters.values()))
 
     prediction = network(*inputs, labels(voxel))
     torch.testing.assert_close(prediction.translation.logits, translation)
-    torch.testing.assert_close(pose_logits(prediction), pose)
+    parts = (prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions)
+    torch.testing.assert_close(torch.cat(parts, dim=-1), pose)
     angles, flags = classes.split((3, 2), dim=-1)
     losses = keypose_losses(prediction, KeyposeBins(voxel, angles, *flags.unbind(-1), voxel))
-    sum(losses.values()).mean().backward()
-    for name, parameter in parameters.items():
-        torch.testing.assert_close(parameter.grad, expected[name], msg=lambda text, of=name: f"{of}: {text}")
+    actual = torch.autograd.grad(sum(losses.values()).mean(), list(parameters.values()))
+    by_name = (dict(zip(parameters, each, strict=True)) for each in (actual, expected))
+    torch.testing.assert_close(*by_name)
 
 
 @pytest.mark.parametrize("size", [1, 2, 4])
@@ -113,22 +99,16 @@ def test_factorised_head_is_one_distribution_over_all_voxels_and_its_loss_the_li
     torch.testing.assert_close(loss, -candidates.score[hit].view(2, 2))
 
 
-def read_stem(head: FactorisedTranslationHead, stem: torch.Tensor) -> StemFeatures:
-    """Reading of voxel features (b, 4, v, v, v) that are positive, so that a layer can give them as they are."""
-    layer = PointwiseConv3d(4, 4)
-    with torch.no_grad():
-        layer.conv.weight.copy_(torch.eye(4).view(4, 4, 1, 1, 1))
-    return head.read(stem, layer, PatchConv3d(4, 4, centred=False), None)[0]
-
-
 def test_a_voxels_score_depends_on_what_lies_in_line_with_it_however_far():
-    head = FactorisedTranslationHead(head_config(), arms=1)
+    config = PerAct2Config(device="cpu", translation_head="factorised", channels=4, token_dim=8)
+    head = FactorisedTranslationHead(config, arms=1)
+    layers = PointwiseConv3d(4, 4), PatchConv3d(4, 4, centred=False)
+    torch.nn.init.dirac_(layers[0].conv.weight)  # gives a stem that is positive as it is
     stem, patches = torch.rand(1, 4, 20, 20, 20), torch.rand(1, 4, 4, 4, 4)
-    answers = torch.rand(1, 1, 8, 4, 4, 4)
-    target = torch.tensor([[[2, 2, 2]]])
-    before = head(read_stem(head, stem), patches, answers, target)[0].target_voxel_logits
+    inputs = patches, torch.rand(1, 1, 8, 4, 4, 4), torch.tensor([[[2, 2, 2]]])
+    before = head(head.read(stem, *layers, None)[0], *inputs)[0].target_voxel_logits
     stem[0, :, 2, 1, 17] = 10  # three patches above
-    after = head(read_stem(head, stem), patches, answers, target)[0].target_voxel_logits
+    after = head(head.read(stem, *layers, None)[0], *inputs)[0].target_voxel_logits
     x, y, _ = torch.cartesian_prod(*[torch.arange(5)] * 3).unbind(1)
     below = ((x - 2).abs() <= 1) & ((y - 1).abs() <= 1)
     assert (before != after)[0, 0].equal(below)
@@ -148,9 +128,9 @@ def test_cells_add_the_likelihood_of_the_place_within_the_voxel(make_network):
     torch.testing.assert_close((-losses).exp().sum(0), (-whole.cross_entropy(voxel, offsets[0])).exp())
 
 
-@pytest.mark.parametrize("head", ["dense", "factorised"])
-def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(make_network, head):
-    candidates = make_network(translation_head=head).eval()(*make_inputs()).translation.candidates()
+def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(make_network):
+    network = make_network(translation_head="factorised").eval()
+    candidates = network(*make_inputs()).translation.candidates()  # of all voxels
     for sample, arm in ((0, 0), (0, 1), (1, 0), (1, 1)):
         voxel, weight = candidates.voxel[sample, arm], candidates.score[sample, arm].exp()
         best = voxel[weight.argmax()]
@@ -160,11 +140,12 @@ def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(make
         torch.testing.assert_close(candidates.local_mean()[sample, arm], expected)
 
 
-def test_dense_candidates_leave_out_neighbours_beyond_the_border(make_network):
-    network = make_network().eval()
-    prediction = network(*make_inputs())
-    logits = prediction.translation.logits
-    logits.data[:, :, 0, 9, 5] = 1e3
-    candidates = prediction.translation.candidates()
+def test_dense_candidates_have_their_logits_and_leave_out_neighbours_beyond_the_border():
+    logits = torch.randn(2, 2, 10, 10, 10)
+    logits[:, :, 0, 9, 5] = 1e3
+    candidates = DenseTranslation(logits).candidates()
     assert candidates.best().tolist() == [[[0, 9, 5]] * 2] * 2
     assert torch.isneginf(candidates.score).sum(-1).unique().tolist() == [27 - 2 * 2 * 3]
+    voxel, score = candidates.voxel[0, 1], candidates.score[0, 1]
+    inside = torch.isfinite(score)
+    assert torch.equal(score[inside], logits[0, 1, *voxel[inside].T])

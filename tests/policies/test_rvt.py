@@ -9,7 +9,6 @@ import torch.nn.functional as F  # noqa: N812
 from peract2_written_out import block, leaky
 
 from lerobot_bimanual.codec_torch import KeyposeBins
-from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
 from lerobot_policy_bimanual.keypose.observation import Observation
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, ProductTranslation, best_voxel
@@ -34,12 +33,9 @@ def tiny_network(**options: Any) -> RVTNetwork:
     return network
 
 
-def make_inputs(samples: int = 2) -> tuple[torch.Tensor, ...]:
-    return (
-        torch.randn(samples, 5, 10, 9, 9, dtype=torch.float64),
-        torch.randn(samples, 4, dtype=torch.float64),
-        torch.randn(samples, 3, 6, dtype=torch.float64),
-    )
+def make_inputs() -> tuple[torch.Tensor, ...]:
+    sizes = ((5, 10, 9, 9), (4,), (3, 6))
+    return tuple(torch.randn(2, *size, dtype=torch.float64) for size in sizes)
 
 
 def conv(x, weight, bias):
@@ -104,33 +100,8 @@ def pose_logits(prediction):
     return torch.cat(parts, dim=-1)
 
 
-FUSIONS = {"mean": HeatmapTranslation, "product": ProductTranslation.of_views}
-
-
-def random_logits(samples: int = 2, arms: int = 2, size: int = 12) -> torch.Tensor:
-    return 3 * torch.randn(samples, arms, 5, size, size, dtype=torch.float64, requires_grad=True)
-
-
-def gaussians(center: torch.Tensor, size: int, sigma: float = 1.5) -> torch.Tensor:
-    """Images (5, size, size) of the target around a place (3,) in voxels, every pixel in turn."""
-    images = torch.zeros(5, size, size, dtype=torch.float64)
-    rows, columns = pixels_of_voxels(center, size)
-    for view, r, c in itertools.product(range(5), range(size), range(size)):
-        squared = float((r - rows[view]) ** 2 + (c - columns[view]) ** 2)
-        if squared <= (3 * sigma) ** 2:
-            images[view, r, c] = torch.tensor(-squared / (2 * sigma**2)).exp()
-    return images / images.sum((1, 2), keepdim=True)
-
-
-def lattice(images: torch.Tensor, fusion: str) -> torch.Tensor:
-    """Mean or product of the images (5, v, v) at every voxel (v, v, v), one after the other."""
-    size = images.shape[-1]
-    scores = torch.zeros(size, size, size, dtype=images.dtype)
-    for voxel in itertools.product(range(size), repeat=3):
-        rows, columns = pixels_of_voxels(torch.tensor(voxel), size)
-        at_voxel = images[torch.arange(5), rows, columns]
-        scores[voxel] = at_voxel.mean() if fusion == "mean" else at_voxel.prod()
-    return scores
+def random_logits(arms: int = 2, size: int = 12) -> torch.Tensor:
+    return 3 * torch.randn(2, arms, 5, size, size, dtype=torch.float64, requires_grad=True)
 
 
 @pytest.mark.parametrize("dilations", [(), (1, 3)])
@@ -138,27 +109,29 @@ def test_network_and_its_gradients_equal_the_written_out_formulation(dilations):
     network = tiny_network(heatmap_dilations=dilations, quadratic_features=bool(dilations))
     inputs = make_inputs()
     parameters = dict(network.named_parameters())
-    logits, pose = written_out(parameters, *inputs, dilations=dilations)
-    probes = torch.randn_like(logits), torch.randn_like(pose)
+    expected = written_out(parameters, *inputs, dilations=dilations)
     prediction = network(*inputs)
-    torch.testing.assert_close(prediction.translation.logits[:, 0], logits, atol=1e-6, rtol=1e-6)
-    torch.testing.assert_close(pose_logits(prediction)[:, 0], pose, atol=1e-6, rtol=1e-6)
-    outputs = (prediction.translation.logits[:, 0], pose_logits(prediction)[:, 0])
-    got = torch.autograd.grad(outputs, list(parameters.values()), probes)
-    want = torch.autograd.grad((logits, pose), list(parameters.values()), probes)
-    for name, ours, theirs in zip(parameters, got, want, strict=True):
-        assert theirs.any(), name
-        torch.testing.assert_close(  # the interpolation weights are kept in float32
-            ours, theirs, atol=1e-5, rtol=1e-5, msg=lambda text, name=name: f"{name}: {text}"
-        )
+    actual = (prediction.translation.logits[:, 0], pose_logits(prediction)[:, 0])
+    torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-6)
+    probes = [torch.randn_like(each) for each in expected]
+    got, want = (
+        dict(zip(parameters, torch.autograd.grad(outputs, list(parameters.values()), probes), strict=True))
+        for outputs in (actual, expected)
+    )
+    assert not [name for name, gradient in want.items() if not gradient.any()]
+    # The interpolation weights are kept in float32.
+    torch.testing.assert_close(got, want, atol=1e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("is_between", [False, True])
-def test_loss_equals_the_divergence_from_a_target_image_with_gradients(is_between):
+def test_loss_equals_the_divergence_from_a_target_image_with_gradients():
     logits = random_logits()
     voxel = torch.tensor([[[5, 6, 4], [0, 11, 2]], [[11, 11, 11], [3, 0, 7]]])  # in the middle and at borders
-    offset = is_between * (torch.rand(2, 2, 3, dtype=torch.float64) - 0.5)
-    target = torch.stack([torch.stack([gaussians(arm, 12) for arm in sample]) for sample in voxel + offset])
+    offset = torch.rand(2, 2, 3, dtype=torch.float64) - 0.5
+    rows, columns = (pixel[..., None, None] for pixel in pixels_of_voxels(voxel + offset, 12))
+    axis = torch.arange(12)
+    squared = (axis[:, None] - rows) ** 2 + (axis - columns) ** 2  # (2, 2, 5, 12, 12)
+    target = torch.exp(-squared / (2 * 1.5**2)) * (squared <= (3 * 1.5) ** 2)
+    target /= target.sum((3, 4), keepdim=True)
     expected = (target.xlogy(target) - target * logits.flatten(3).log_softmax(3).view_as(logits)).sum((3, 4))
     expected, actual = expected.mean(2), HeatmapTranslation(logits, 1.5).cross_entropy(voxel, offset)
     torch.testing.assert_close(actual, expected)
@@ -185,14 +158,17 @@ def test_best_voxel_is_the_first_maximum_of_the_whole_lattice(monkeypatch, level
     assert torch.equal(best_voxel(xy, xz, yz), expected)
 
 
-@pytest.mark.parametrize("fusion", ["mean", "product"])
-def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_probability(fusion):
+@pytest.mark.parametrize(
+    ("translation", "fuse"), [(HeatmapTranslation, torch.mean), (ProductTranslation.of_views, torch.prod)]
+)
+def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_probability(translation, fuse):
     logits = random_logits(arms=1, size=7).detach()
-    prediction = FUSIONS[fusion](logits, 1.5)
+    prediction = translation(logits, 1.5)
     candidates, probabilities = prediction.candidates(), prediction.probabilities()[:, 0]
-    for sample in range(2):
-        images = logits[sample, 0].flatten(1).softmax(1).view(5, 7, 7)
-        scores = lattice(images, fusion)
+    images = logits[:, 0].flatten(2).softmax(2).view(2, 5, 7, 7)
+    rows, columns = pixels_of_voxels(torch.cartesian_prod(*[torch.arange(7)] * 3), 7)
+    fused = fuse(images[:, torch.arange(5), rows, columns], dim=2).view(2, 7, 7, 7)
+    for sample, scores in enumerate(fused):
         torch.testing.assert_close(probabilities[sample], scores / scores.sum())
         assert scores[tuple(candidates.best()[sample, 0])] == scores.max()
         for voxel, score in zip(candidates.voxel[sample, 0], candidates.score[sample, 0], strict=True):
@@ -225,45 +201,13 @@ def test_a_pixel_of_a_product_is_as_probable_as_the_voxels_that_it_shows():
     torch.testing.assert_close(prediction.pixel_probabilities(), images)
 
 
-def test_a_product_of_heatmaps_finds_a_place_between_pixels_as_it_was_taught():
-    place = torch.tensor([5.3, 6.8, 9.1], dtype=torch.float64)
-    logits = gaussians(place, 16, sigma=1).clamp(min=1e-30).log()[None, None]
-    candidates = ProductTranslation.of_views(logits, 1).candidates()
-    assert torch.equal(candidates.best()[0, 0], place.round().long())
-    torch.testing.assert_close(candidates.local_mean()[0, 0], place, atol=0.05, rtol=0)
-
-
-@pytest.mark.parametrize(
-    ("option", "value", "message"),
-    [
-        ("leader", "middle", "leader"),
-        ("voxel_size", 100, "multiple of 11"),
-        ("patch", 10, "must be odd"),
-        ("token_dim", 12, "multiple of 8"),
-        ("attention_dim", 100, "multiple of 8"),
-        ("depth", 3, "multiple of 2"),
-        ("heatmap_sigma_px", 0.0, "a number from 0.01"),
-        ("heatmap_fusion", "sum", "mean, product"),
-        ("fine_stage_zoom", 4, "heatmap_fusion=product"),
-        ("heatmap_dilations", (0,), "whole numbers from 1"),
-    ],
-)
-def test_sizes_that_do_not_fit_are_refused(option, value, message):
-    with pytest.raises(BimanualError, match=message):
-        RVTLFConfig(device="cpu", **{option: value})
-
-
 def test_words_write_filters_of_what_the_views_show():
     network, (views, _, language) = tiny_network(language_filters=True), make_inputs()
-    with torch.no_grad():
-        assert network.language_filters is not None
-        words = network.language_filters(language)
-        stem = network.read(views, language).unflatten(0, (2, 5))
-        for sample in range(2):
-            weight = network.stem.weight.flatten(1) + words[sample, :, :-1]
-            bias = network.stem.bias + words[sample, :, -1]
-            pixels = torch.einsum("oi,vihw->vohw", weight, views[sample]) + bias[:, None, None]
-            torch.testing.assert_close(stem[sample], leaky(pixels))
+    words = network.language_filters(language)
+    weight = network.stem.weight.flatten(1) + words[..., :-1]
+    bias = network.stem.bias + words[..., -1]
+    pixels = torch.einsum("boi,bvihw->bvohw", weight, views) + bias[:, None, :, None, None]
+    torch.testing.assert_close(network.read(views, language), leaky(pixels).flatten(0, 1))
 
 
 def zoomed_scene() -> Scene:
@@ -318,7 +262,7 @@ def gaussian(place: torch.Tensor, size: int = 12) -> ProductTranslation:
     """The Gaussian with the deviation 1 around a place (3,) in voxels."""
     x, y, z = -((torch.arange(size) - place[:, None]) ** 2) / 2
     planes = (x[:, None] + y, z.expand(size, size), torch.zeros(size, size).to(z))
-    return ProductTranslation((planes[0][None, None], planes[1][None, None], planes[2][None, None]), 1)
+    return ProductTranslation(tuple(plane[None, None] for plane in planes), 1)
 
 
 def test_where_the_fine_stage_sees_nothing_the_coarse_one_decides_between_its_voxels():

@@ -12,10 +12,9 @@ from tokenizers.pre_tokenizers import Whitespace
 from tokenizers.processors import TemplateProcessing
 
 from lerobot_bimanual import cli
+from lerobot_policy_bimanual import PerAct2Config, PerAct2Policy
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.nn.wordllama import TOKENIZER_FILE, VECTORS_FILE, WordllamaLanguage
-from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
-from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 VOCABULARY = {"<unk>": 0, "<s>": 1, "lift": 2, "raise": 3, "push": 4, "the": 5, "ball": 6}
 

@@ -50,7 +50,7 @@ class TranslationPrediction(Protocol):
         ...
 
     def candidates(self) -> VoxelCandidates:
-        """Give at least the most probable voxel and its neighbours."""
+        """Give at least the most probable voxel, and those of its neighbours that were scored."""
         ...
 
     def probabilities(self) -> Tensor:
