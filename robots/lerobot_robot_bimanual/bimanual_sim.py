@@ -58,8 +58,8 @@ class UntimedEnv(BimanualEnv):
 
     @property
     def episode_name(self) -> str:
-        """Name of the episode: task, perturbation, setting, split, variation and seed."""
-        return f"{self._world_name}, variation {self.variation}, seed {self.progress.seed}"
+        """Name of the episode: variation, task, setting, perturbation, split and seed."""
+        return f"variation {self.variation} of {self._world_name} seed {self.progress.seed}"
 
 
 class BimanualSim(Robot):
