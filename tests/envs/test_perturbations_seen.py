@@ -67,7 +67,7 @@ def test_what_is_only_seen_changes_no_state_and_no_more_of_what_is_seen_than_it_
     assert equal(colours(seen), colours(plain)) != (axis in COLOURS_TOO)
     assert np.array_equal(seen["camera_extrinsics"], plain["camera_extrinsics"]) != (axis in TOLD)
     assert (env.task_description == instruction) != (axis in SAID)
-    np.testing.assert_equal(env.observe(), seen, "the same state looks otherwise when one looks again")
+    np.testing.assert_equal(env.observe(), seen, "two observations of one state differ")
 
 
 def test_shadows_darken_something_and_leave_depth_alone():

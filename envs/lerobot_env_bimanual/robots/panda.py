@@ -36,8 +36,8 @@ ACCELERATION_LIMIT_RAD_S2 = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 JERK_LIMIT_RAD_S3 = 500.0 * ACCELERATION_LIMIT_RAD_S2
 
 # Position servos, half as stiff as Franka's own joint impedance (3000 to 2000 N m/rad), wrists less than a third, so that
-# hands that press do not drive them into their torque limits. Velocity and inertia are fed forward by the caller. How far hands end from
-# their targets is in docs/tasks.md.
+# hands that press do not drive the wrists into their torque limits. Velocity and inertia are fed forward by the caller.
+# How far hands end from their targets is in docs/tasks.md.
 POSITION_GAIN = np.array([1500.0, 1500.0, 1500.0, 1200.0, 600.0, 600.0, 600.0])
 VELOCITY_GAIN_RATIO_S = 0.05
 JOINT_ARMATURE = 0.1

@@ -138,9 +138,10 @@ def _source_digest() -> str:
         if spec is None or spec.origin is None:
             continue  # playing the task reports that it cannot be imported
         origin = Path(spec.origin)
-        is_package = spec.submodule_search_locations is not None
-        found = origin.parent.rglob("*") if is_package else [origin]
-        for path in sorted(path for path in found if path.suffix in (".py", ".toml")):
+        files = [origin]
+        if spec.submodule_search_locations:
+            files = sorted(path for path in origin.parent.rglob("*") if path.suffix in (".py", ".toml"))
+        for path in files:
             digest.update(f"{name}/{path.relative_to(origin.parent)}".encode() + path.read_bytes())
     return digest.hexdigest()
 
