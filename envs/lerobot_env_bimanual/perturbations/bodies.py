@@ -130,17 +130,16 @@ def _lift_enlarged(start: Start) -> None:
 
 
 def _height_above_support(scene: Scene, pose: Pose) -> float:
-    """Distance from a pose down to the first thing that does not move freely, m.
-
-    From a pose at the very top of the table, such as the plate's, it is that down to the board's lower face, 5 cm.
-    """
+    """Distance from a pose down to the first thing that does not move freely, m."""
     is_free = free_bodies(scene.model)
     point, found = pose.position.copy(), np.zeros(1, dtype=np.int32)
-    down = np.array([0.0, 0.0, -1.0])
-    while (distance := mujoco.mj_ray(scene.model, scene.data, point, down, None, 1, -1, found)) >= 0:
-        point[2] -= distance
+    down, normal = np.array([0.0, 0.0, -1.0]), np.zeros(3)
+    while (distance := mujoco.mj_ray(scene.model, scene.data, point, down, None, 1, -1, found, normal)) >= 0:
+        is_inside = normal[2] < 0  # as below what lies on the table: the ray meets the board's lower face
+        surface_m = point[2] if is_inside else point[2] - distance
         if not is_free[scene.model.geom_bodyid[found[0]]]:
-            return float(pose.position[2] - point[2])
+            return float(pose.position[2] - surface_m)
+        point[2] -= distance
         point[2] -= RAY_STEP_M
     return 0.0
 
