@@ -11,11 +11,11 @@ from lerobot_bimanual.benchmark.recipes import SIZES, SUFFIX, Recipe, option_tex
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkSettings
-from lerobot_bimanual.results.protocols import OWN, PROTOCOLS
+from lerobot_bimanual.results.protocols import OWN, PROTOCOLS, RULES
 
 OWN_FLAGS = {
     "train_flags": (
-        *("dataset.repo_id", "dataset.root", "policy.type", "policy.path", "policy.device"),
+        *("dataset.repo_id", "dataset.root", "dataset.episodes", "policy.type", "policy.path", "policy.device"),
         *("steps", "batch_size", "save_freq", "seed", "output_dir", "resume", "config_path"),
     ),
     "eval_flags": (
@@ -199,6 +199,11 @@ def _by_protocol(config: BenchmarkConfig) -> dict[str, Any]:
         if name != OWN and flags[each] != value:
             raise BimanualError(
                 f"{each} is {flags[each]!r}, but {value!r} in the protocol {name}: leave --{each} or --protocol out"
+            )
+    for rule in (f"env.{each}" for each in RULES):
+        if name != OWN and rule in _options(config, "eval_flags"):
+            raise BimanualError(
+                f"--eval_flags sets --{rule}, which the protocol {name} leaves at its default: leave it or --protocol out"
             )
     return flags
 

@@ -209,6 +209,11 @@ class BenchmarkResult(Record):
             same = [episode.seed for episode in episodes] == seeds
             require(same, f"{name} must be on the {len(seeds)} seeds from {self.config.first_seed} on")
         require({*seeds} == {each.seed for each in self.open_loop}, "open_loop must be on the same seeds")
+        same = [each.variation for each in self.episodes] == [each.variation for each in self.expert]
+        require(same, "episodes must have the variations of the expert's")
+        played = {"split": "test"} | {each: getattr(self.config, each) for each in ("variation", "setting", "perturb")}
+        for name, value in played.items():
+            require(self.options.get(name) == value, f"options: {name} must be {value!r}, as in config")
         steps = self.config.checkpoint_steps
         chosen = {self.checkpoint_step, *(each.step for each in self.validation)}
         require(chosen <= {*steps}, f"checkpoints must be among those after {steps} steps")

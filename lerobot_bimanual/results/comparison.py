@@ -14,6 +14,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkResult, Scored
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.protocols import RULES
 from lerobot_bimanual.results.statistics import SuccessRate, sign_flip_p_value
 
 type Results = Mapping[Path, Scored]
@@ -144,13 +145,13 @@ def _check_equal(
 
 def _facts_of_episodes(result: Scored) -> dict[str, object]:
     versions = {package: result.versions.get(package) for package in SIMULATION_PACKAGES}
-    split = result.options.get("split")
-    return {"what is played": result.eval_key, "split": split, "world": result.world, "versions": versions}
+    options = {f"option {name}": result.options.get(name) for name in ("split", *RULES)}
+    return {"what is played": result.eval_key, "world": result.world, "versions": versions} | options
 
 
 def _facts_of_table(result: Scored) -> dict[str, object]:
     key, facts = result.eval_key, _facts_of_episodes(result)
-    shared = {name: facts[name] for name in ("split", "versions")}
+    shared = {name: fact for name, fact in facts.items() if name not in ("what is played", "world")}
     shared |= {f"world of {result.task}, {key}": result.world}
     if isinstance(result, BenchmarkResult):
         shared |= {

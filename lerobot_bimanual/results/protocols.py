@@ -47,6 +47,8 @@ class Protocol(Flags):
         return {field.name: getattr(self, field.name) for field in fields(Flags)} | own
 
 
+RULES = ("max_keyposes", "protective_stop")
+"""Options of the environment that decide what happens in an episode; a protocol leaves them at their defaults."""
 OWN = "own"
 """That of a benchmark whose flags are those of no other."""
 PROTOCOLS = {
@@ -75,6 +77,8 @@ PROTOCOLS = {
 def protocol_of(settings: Mapping[str, Any]) -> str:
     """Name of the protocol that has the flags of some settings; `own` if none has."""
     task = settings["task"]
+    if any(f"env.{name}" in settings["evaluation"] for name in RULES):
+        return OWN
     named = (
         name
         for name, protocol in PROTOCOLS.items()

@@ -120,7 +120,7 @@ RESULT = BenchmarkResult(
     checkpoint_sha256="0f" * 32,
     training_seconds=1.5,
     machine=Machine(cpus=2),
-    options={"split": "test"},
+    options={"variation": "any", "split": "test", "setting": "standard", "perturb": ""},
     batch_size=2,
     versions=VERSIONS | {"torch": "2"},
     date="2026-01-31",
@@ -134,7 +134,10 @@ RESULT = BenchmarkResult(
 def variant(result=RESULT, config: dict[str, Any] | None = None, **fields) -> BenchmarkResult:
     """A result with other fields, and with other settings in its config."""
     settings = BenchmarkSettings.of(**dict(result.config) | (config or {}))
-    return BenchmarkResult.of(**dict(result) | {"config": settings} | fields)
+    played = {name: getattr(settings, name) for name in ("variation", "setting", "perturb")}
+    return BenchmarkResult.of(
+        **dict(result) | {"config": settings, "options": dict(result.options) | played} | fields
+    )
 
 
 def trained(

@@ -34,6 +34,7 @@ def test_episodes_are_paired_by_seed():
         ({"task": "push_box"}, {}, "what is played is 'push_box', but 'lift_ball' in lift_ball_mine"),
         ({}, {"world": "ba9876543210"}, "world is 'ba9876543210', but '0123456789ab' in lift_ball_mine"),
         ({"variation": "0"}, {}, "what is played is 'lift_ball_0'"),
+        ({}, {"options": RESULT.options | {"protective_stop": 1}}, "option protective_stop is 1, but None in lift"),
         ({}, {"versions": OTHER_VERSIONS, "demonstrations": OTHER_DEMONSTRATIONS}, "is .*'mujoco': '4'"),
     ],
 )
@@ -122,7 +123,7 @@ def test_trainings_with_and_without_demonstrations_of_their_own_are_of_one_polic
             {"demonstrations": RESULT.demonstrations.model_copy(update={"settings": {"first_seed": 1}})},
             "demonstrations' settings of mine on lift_ball is .*depth",
         ),
-        ({}, {"options": {"split": "test", "max_keyposes": 40}}, "options of mine on lift_ball is .*max"),
+        ({}, {"options": RESULT.options | {"image_size": 9}}, "options of mine on lift_ball is .*image"),
         ({"demos_perturb": "mass:1"}, {}, r"several policies; choose .*--first_policy=mine\|mine_mass1"),
     ],
 )

@@ -20,7 +20,7 @@ from lerobot_env_bimanual.workers import WorkerPool
 
 CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes", "load", "survived")
 """Fields of an episode that are compared one by one; its proof is compared step by step."""
-REPLAY_OPTIONS = ("split", "control_mode", "max_keyposes", "protective_stop", "perturb", "setting")
+REPLAY_OPTIONS = ("variation", "split", "control_mode", "max_keyposes", "protective_stop", "perturb", "setting")
 """Options that decide what happens; the others decide only what a policy sees."""
 
 type Options = tuple[tuple[str, str | int], ...]
@@ -40,7 +40,7 @@ class EpisodeVerifier:
     def __call__(self, episode: Episode) -> list[str]:
         """Differences between an episode and its replay; empty if it replays as recorded."""
         try:
-            self._recorder.reset(seed=episode.seed, options={"variation": episode.variation})
+            self._recorder.reset(seed=episode.seed)
             actions = recorded_actions(episode)
         except BimanualError as error:
             return [f"cannot be replayed: {error}"]
