@@ -9,7 +9,7 @@ Anyone who has installed the requirements then loads the environments by that na
 
     from lerobot.envs.factory import make_env
     envs = make_env("me/bimanual@COMMIT", n_envs=2, trust_remote_code=True)
-    env = envs["all"][1]  # the suite, and the number of lift_ball
+    env = envs["all"][0]  # the suite, and the number of the task in the alphabet
 
 LeRobot runs this file on the user's machine, so users should read it and name its commit.
 """

@@ -25,6 +25,7 @@ from lerobot_bimanual.results.benchmark import (
 from lerobot_bimanual.results.episode import Episode, success_rate
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.expert_report import ExpertReport
+from lerobot_bimanual.results.protocols import N_TASKS
 from lerobot_bimanual.results.record import BadRecord
 from lerobot_bimanual.terminal import print_table
 
@@ -53,10 +54,17 @@ def check_task(settings: BenchmarkSettings) -> None:
         for index in getattr(settings, name).split(","):
             if index not in ("", "any", *map(str, range(count))):
                 raise InvalidChoice(f"{name} of {settings.task}", index, valid)
-    if settings.trained_on and settings.task not in (learned := count_variations(settings.trained_on)):
+    if not settings.trained_on:
+        return
+    if settings.task not in (learned := count_variations(settings.trained_on)):
         raise BimanualError(
             f"trained_on is {settings.trained_on!r}, which does not contain {settings.task!r}; score one of: "
             f"{', '.join(learned)}"
+        )
+    if settings.protocol == "multitask" and len(learned) != N_TASKS:
+        raise BimanualError(
+            f"trained_on is {settings.trained_on!r}, here {len(learned)} tasks, but {N_TASKS} in the protocol multitask: uninstall "
+            "the others, or name tasks"
         )
 
 

@@ -34,7 +34,7 @@ def task_new(config: NewConfig) -> None:
     package = _folder("lerobot_env_bimanual")
     tasks = [path.stem for path in package.glob("tasks/*.py")]
     hidden = (*sys.stdlib_module_names, *packages_distributions())  # a module of such a name would hide them
-    taken = (*tasks, *hidden)
+    taken = (*tasks, *hidden, "all", "two_armed", "test")  # suites, and a module that Python does not list
     _write(package / "new_task", "raise_block", config.name, config.output or Path(config.name), taken)
 
 

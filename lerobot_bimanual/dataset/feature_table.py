@@ -35,8 +35,10 @@ columns, and not side files, because columns survive every tool that merges, spl
 """
 
 SUCCESS, FAILURE_CLASS = "success", "failure_class"
-OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"}
-"""Further columns of shape (1,) of policies' episodes: whether it was solved, and the class of its failure, "" if it was."""
+PLAYED: dict[str, str] = {"policy": "string", "setting": "string", "perturb": "string"}
+OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"} | PLAYED
+"""Further columns of shape (1,) of policies' episodes: whether it was solved, the class of its failure, "" if it was, and who
+played it under what."""
 PLAN = "plan"
 PLANS: dict[str, str] = {PLAN: "int64"}
 """A further column of shape (1,) of demonstrations with several plans: which one it is. No policy reads it."""

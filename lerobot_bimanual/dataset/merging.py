@@ -23,6 +23,7 @@ from lerobot.datasets.compute_stats import aggregate_stats
 from lerobot.datasets.utils import DEFAULT_DATA_PATH, DEFAULT_EPISODES_PATH, DEFAULT_VIDEO_PATH
 
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.files import share_files
 
 DESCRIPTION = b"huggingface"
 """Where the `datasets` library notes the features of a Parquet file."""
@@ -57,6 +58,7 @@ def merge_datasets(sources: Sequence[Path], root: Path) -> None:
         pd.DataFrame({"task_index": range(len(sentences))}, index=pd.Index(sentences, name="task")), root
     )
     first.total_episodes, first.total_frames = merger.episodes, merger.rows
+    share_files(root, "*.mp4")  # LeRobot joins videos in temporary files, which nobody else may read
     first.total_tasks, first.splits = len(sentences), {"train": f"0:{merger.episodes}"}
     io_utils.write_info(first, root)
     statistics = aggregate_stats([stats for source in sources if (stats := io_utils.load_stats(source))])

@@ -211,9 +211,11 @@ class BenchmarkResult(Record):
         require({*seeds} == {each.seed for each in self.open_loop}, "open_loop must be on the same seeds")
         same = [each.variation for each in self.episodes] == [each.variation for each in self.expert]
         require(same, "episodes must have the variations of the expert's")
-        played = {"split": "test"} | {each: getattr(self.config, each) for each in ("variation", "setting", "perturb")}
+        played = {"split": "test"} | {
+            each: getattr(self.config, each) for each in ("variation", "setting", "perturb")
+        }
         for name, value in played.items():
-            require(self.options.get(name) == value, f"options: {name} must be {value!r}, as in config")
+            require(str(self.options.get(name)) == value, f"options: {name} must be {value!r}, as in config")
         steps = self.config.checkpoint_steps
         chosen = {self.checkpoint_step, *(each.step for each in self.validation)}
         require(chosen <= {*steps}, f"checkpoints must be among those after {steps} steps")

@@ -49,6 +49,8 @@ class Protocol(Flags):
 
 RULES = ("max_keyposes", "protective_stop")
 """Options of the environment that decide what happens in an episode; a protocol leaves them at their defaults."""
+N_TASKS = 13
+"""Of the PerAct2 paper, from which the one network of `multitask` learns."""
 OWN = "own"
 """That of a benchmark whose flags are those of no other."""
 PROTOCOLS = {

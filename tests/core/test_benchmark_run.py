@@ -78,7 +78,10 @@ class Programs:
 
     def _evaluate(self, folder: Path, split: str, perturb: str) -> None:
         outcomes = self.tested + "x" if split == "test" else OUTCOMES[split]  # the last one fills up a batch
-        record = {"world": self.worlds["test"], "options": {**RESULT.options, "split": split, "perturb": perturb}}
+        record = {
+            "world": self.worlds["test"],
+            "options": {**RESULT.options, "split": split, "perturb": perturb},
+        }
         played = (each.model_copy(update={"variation": -each.seed % 3}) for each in proved(outcomes))
         record |= {"versions": installed_versions() | {"torch": "1.0"}, "episodes": tuple(played)}
         path = folder / f"{perturbed('lift_ball', perturb)}_{split}_record.json"

@@ -34,7 +34,11 @@ def test_episodes_are_paired_by_seed():
         ({"task": "push_box"}, {}, "what is played is 'push_box', but 'lift_ball' in lift_ball_mine"),
         ({}, {"world": "ba9876543210"}, "world is 'ba9876543210', but '0123456789ab' in lift_ball_mine"),
         ({"variation": "0"}, {}, "what is played is 'lift_ball_0'"),
-        ({}, {"options": RESULT.options | {"protective_stop": 1}}, "option protective_stop is 1, but None in lift"),
+        (
+            {},
+            {"options": RESULT.options | {"protective_stop": 1}},
+            "option protective_stop is 1, but None in lift",
+        ),
         ({}, {"versions": OTHER_VERSIONS, "demonstrations": OTHER_DEMONSTRATIONS}, "is .*'mujoco': '4'"),
     ],
 )

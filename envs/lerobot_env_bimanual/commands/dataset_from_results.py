@@ -50,7 +50,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     from lerobot_bimanual.terminal import say, show_next
     from lerobot_env_bimanual.generation.build import PRELOADED
     from lerobot_env_bimanual.generation.from_results import Part, record_replays
-    from lerobot_env_bimanual.generation.settings import repo_id_of
+    from lerobot_env_bimanual.generation.settings import check_video_size, repo_id_of
     from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors
     from lerobot_env_bimanual.options import EnvOptions
     from lerobot_env_bimanual.verification.result_files import ResultFile
@@ -66,6 +66,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     given = {"image_size": config.image_size, "cameras": config.cameras}
     seen = EnvOptions.of(**{name: value or usual.get(name, value) for name, value in given.items()})
     views = VIEWS if config.view == "both" else (config.view,)
+    check_video_size(seen.size, views)
     is_perturbed = any(result.record.options.get("perturb") for result in results)
     wanted = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
     with plain_write_errors(config.root):
@@ -75,10 +76,11 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
 
     with plain_write_errors(config.root), new_folder(config.root.absolute().parent) as folder:
         jobs = list[Part]()
-        for record in (result.record for result in results):
-            episodes = (episode for episode in record.episodes if episode.success in wanted)
+        for result in results:
+            head = result.record.task, result.policy_id, tuple(result.record.options.items())
+            episodes = (episode for episode in result.record.episodes if episode.success in wanted)
             for some in batched(episodes, EPISODES_PER_PART):
-                jobs.append((record.task, tuple(record.options.items()), some, folder / f"{len(jobs):06d}"))
+                jobs.append((*head, some, folder / f"{len(jobs):06d}"))
         images = {"cameras": seen.camera_names, "size": seen.size, "depth": config.depth}
         how = {"repo_id": repo_id, "views": views, "is_perturbed": is_perturbed, **images}
         with WorkerPool(config.workers, preload=PRELOADED) as pool:
@@ -96,6 +98,6 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
             write_checksums(target)
         move_durably(merged, config.root)
     say(*(f"left out: {text}" for text in left_out))
-    stored = sum(len(some) for _, _, some, _ in jobs) - len(left_out)
+    stored = sum(len(some) for *_, some, _ in jobs) - len(left_out)
     print(f"{config.root}: {stored} episodes")
     show_next("lerobot-bimanual", "dataset", "verify", f"--root={config.root}")

@@ -46,7 +46,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
 
     The policy is loaded once and played by LeRobot's own loop, so that the nominal condition is what `lerobot-eval` gives
     on these seeds. The expert and the open-loop baseline play the same episodes; for axes that change only what is seen or
-    said, their nominal episodes count. A condition is valid if the expert solves 97 %; others are played, shown hatched and
+    said, their nominal episodes count. A condition is valid if the expert solves 97 %; others are played, marked `not valid` and
     counted in no sum. Prints for each condition the success, the paired difference to the nominal world and McNemar's exact
     p-value, corrected by Holm over the axes with a valid condition of that level; writes a JSON file, and one
     record per condition that `results verify` plays again. The loader builds what the checkpoint names, as `lerobot-eval`

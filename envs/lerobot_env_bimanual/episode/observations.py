@@ -59,7 +59,7 @@ def dataset_key(key: str) -> str:
 
 
 def dataset_row(observation: Mapping[str, Any]) -> dict[str, Any]:
-    """An observation as a row of a `LeRobotDataset` has it: its keys, and colours as float32 (3, H, W) in [0, 1]."""
+    """An observation with the keys of a `LeRobotDataset`, and colours as float32 (3, H, W) in [0, 1]."""
     vectors = dict(observation)
     colours = {
         schema.image_key(camera): np.ascontiguousarray(np.moveaxis(rgb, -1, 0), np.float32) / 255

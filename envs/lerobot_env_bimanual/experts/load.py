@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset.schema import state_hash_column
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.joint_action import ARM_ACTION_DIM, discover_keyframes
 from lerobot_bimanual.results.episode import LoadMetrics
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
@@ -63,7 +64,10 @@ says of the hand.
 
 def bounds_of(task: str) -> dict[str, float]:
     """`BOUNDS`, with those of a task's own."""
-    return BOUNDS | dict(get_task(task).spec.load_bounds)
+    own = dict(get_task(task).spec.load_bounds)
+    for name in own.keys() - BOUNDS.keys():
+        raise InvalidChoice(f"a name in load_bounds of {task}", name, BOUNDS)
+    return BOUNDS | own
 
 
 def excesses(task: str, load: LoadMetrics) -> Iterator[tuple[str, str]]:

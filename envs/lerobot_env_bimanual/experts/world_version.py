@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions, other_c_library
-from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
 from lerobot_env_bimanual.conditions import OnTheWay
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import draw_episode
@@ -145,6 +145,12 @@ def _task_facts(task: Task) -> Iterator[str]:
         for condition in task.conditions(variation):
             for each in (condition, *(condition.parts if isinstance(condition, OnTheWay) else ())):
                 values = {field.name: getattr(each, field.name) for field in fields(each)}
+                for name, value in values.items():
+                    if isinstance(value, set | frozenset) or " at 0x" in repr(value):
+                        raise BimanualError(
+                            f"{type(each).__name__}.{name} of {spec.name} is {value!r}, whose text differs from process to "
+                            "process: a condition has numbers, texts and tuples"
+                        )
                 yield f"{type(each).__name__} {values}"
 
 

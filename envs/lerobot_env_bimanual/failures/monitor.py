@@ -1,7 +1,7 @@
 """What happens in an episode while it is played: facts of physics and of commands, without a verdict."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -67,15 +67,14 @@ class EpisodeMonitor:
         # Free bodies as a whole, and each moving part of furniture.
         movable = np.where(part[root] != 0, root, part)
         self._body_of_geom = np.where(scene.arm_of_body < 0, movable, 0)[scene.model.geom_bodyid]
-        self._gripped: Counter[tuple[Arm, str]] = Counter()
+        self._gripped: _Runs[tuple[Arm, str]] = _Runs()
         self._touched: set[str] = set()
-        self._closed: Counter[Arm] = Counter()
-        self._first_closed: dict[Arm, int] = {}
+        self._closed: _Runs[Arm] = _Runs()
         self._carried: dict[str, _Carried] = {}
         self._lost: dict[str, int] = {}
         self._met: set[str] = set()
         self._met_together = False
-        self._others_met: Counter[str] = Counter()
+        self._others_met: _Runs[str] = _Runs()
 
     def note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
         """Note the state before a tick, and its joint action (16,)."""
@@ -90,9 +89,9 @@ class EpisodeMonitor:
             failure=progress.failure,
             unstable=self._env.scene.unstable,
             contact_force_n=self._load.result().contact_force_n if progress.ticks else 0.0,
-            gripped=frozenset(_lasting(self._gripped)),
+            gripped=frozenset(self._gripped.lasting),
             touched=frozenset(self._touched),
-            closed={arm: self._first_closed[arm] for arm in _lasting(self._closed)},
+            closed=self._closed.lasting,
             lost=self._lost,
             unmet=tuple(
                 one.name
@@ -100,23 +99,22 @@ class EpisodeMonitor:
                 if not progress.on_the_way.get(one.name, one.name in self._met)
             ),
             met_together=self._met_together,
-            others_met=frozenset(_lasting(self._others_met)),
+            others_met=frozenset(self._others_met.lasting),
         )
 
     def _observe(self) -> None:
-        scene = self._env.scene
+        scene, tick = self._env.scene, self._env.progress.ticks
         # All conditions, whereas the environment stops at the first that is not met.
         now = check(self._conditions, scene, self._env.progress.on_the_way)
         met = {name for name, is_met in now.items() if is_met}
         self._met |= met
         self._met_together |= len(met) == len(self._conditions)
-        self._others_met.update(other.name for other in self._others if other(scene))
+        self._others_met.note(tick, (other.name for other in self._others if other(scene)))
         closed = {arm for arm in ARMS if by_arm(scene.commanded)[arm.ordinal, -1] < 0.5}
-        self._closed.update(closed)
-        self._first_closed = dict.fromkeys(closed, self._env.progress.ticks) | self._first_closed
+        self._closed.note(tick, closed)
         self._touched.update(*(self._in_contact(scene.arm_pair.hand_body(arm)) for arm in ARMS))
         held = {arm: self._held(arm) for arm in ARMS}
-        self._gripped.update((arm, body) for arm in ARMS for body in held[arm])
+        self._gripped.note(tick, ((arm, body) for arm in ARMS for body in held[arm]))
         self._follow(held, closed)
 
     def _held(self, arm: Arm) -> set[str]:
@@ -142,14 +140,34 @@ class EpisodeMonitor:
             hands = {arm for arm in ARMS if body in held[arm]}
             height_m = float(self._env.scene.pose(body).position[2])
             if hands:
+                is_new = carried.ticks_since and carried.ticks < MIN_TICKS
+                carried.ticks = 1 if is_new else carried.ticks + 1
                 carried.hands, carried.height_m, carried.ticks_since = hands, height_m, 0
-                carried.ticks += 1
                 continue
             carried.ticks_since += 1
             slipped = carried.ticks_since == MIN_TICKS and bool(carried.hands & closed)
             fell = carried.ticks_since <= DROP_TICKS and carried.height_m - height_m >= DROP_M
             if carried.ticks >= MIN_TICKS and (slipped or fell):
                 self._lost.setdefault(body, self._env.progress.ticks - carried.ticks_since + 1)
+
+
+class _Runs[Key]:
+    """What is so for several ticks in a row.
+
+    Attributes:
+        lasting: what was so for `MIN_TICKS`, and the tick from which it first was.
+    """
+
+    def __init__(self):
+        self.lasting: dict[Key, int] = {}
+        self._ticks: Counter[Key] = Counter()
+
+    def note(self, tick: int, now: Iterable[Key]) -> None:
+        """Note what is so at a tick."""
+        self._ticks = Counter({key: self._ticks[key] + 1 for key in now})
+        for key, ticks in self._ticks.items():
+            if ticks == MIN_TICKS:
+                self.lasting.setdefault(key, tick - ticks + 1)
 
 
 @dataclass
@@ -174,7 +192,3 @@ def other_conditions(task: Task, variation: Variation) -> Iterator[Condition]:
                 alike = [other for other, kind in kinds.items() if kind is kinds[prop] and other != prop]
                 others |= {replace(condition, **{name: other}): None for other in alike}
     yield from sorted((other for other in others if other not in own), key=lambda other: other.name)
-
-
-def _lasting[Key](counts: Counter[Key]) -> Iterator[Key]:
-    return (key for key, ticks in counts.items() if ticks >= MIN_TICKS)

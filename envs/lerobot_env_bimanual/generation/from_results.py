@@ -20,8 +20,9 @@ from lerobot_env_bimanual.generation.shard import quieten_libraries, write_views
 from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors
 from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, Options, recorded_actions
 
-type Part = tuple[str, Options, tuple[Episode, ...], Path]
-"""Name of a task, options of an evaluation, episodes of it, and the new folder that gets a dataset of them per view."""
+type Part = tuple[str, str, Options, tuple[Episode, ...], Path]
+"""Name of a task and of a policy, options of an evaluation, episodes of it, and the new folder that gets a dataset of them
+per view."""
 
 
 def record_replays(part: Part, cameras: tuple[str, ...], size: tuple[int, int], **how: Any) -> list[str]:
@@ -33,9 +34,10 @@ def record_replays(part: Part, cameras: tuple[str, ...], size: tuple[int, int], 
     Raises:
         DatasetError: the rows cannot be written.
     """
-    task, options, episodes, target = part
+    task, policy, options, episodes, target = part
     verifier, attributor = _players(task, options, cameras, size)
     env, left_out = verifier.env, list[str]()
+    played_by = {"policy": policy, "setting": env.options.setting, "perturb": env.options.perturb}
 
     def replayed() -> Iterator[Demonstration]:
         for episode in episodes:
@@ -57,7 +59,7 @@ def record_replays(part: Part, cameras: tuple[str, ...], size: tuple[int, int], 
                 feature_table.SUCCESS: np.array([episode.success]),
                 feature_table.FAILURE_CLASS: reason,
             }
-            yield replace(played, further=outcome)
+            yield replace(played, further=outcome | played_by)
 
     with plain_write_errors(target), new_folder(target.parent) as folder:
         further = feature_table.OUTCOME

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -19,6 +20,8 @@ from lerobot_env_bimanual.experts.world_version import world_versions
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 from lerobot_env_bimanual.tasks.registry import get_task
 
+MIN_VIDEO_SIDE = 16
+"""In pixels; the encoder of depth takes no image of 8 by 8."""
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -56,6 +59,7 @@ class GenerationSettings(Record):
 
     @model_validator(mode="after")
     def _exist(self) -> Self:
+        check_video_size((self.height, self.width), self.views)
         listed = self.variation.split(",")
         for task in self.tasks:
             spec = get_task(task).spec
@@ -107,6 +111,17 @@ class GenerationSettings(Record):
         if self.variation == ANY_VARIATION:
             return tuple(range(len(get_task(task).spec.variations)))
         return tuple(map(int, self.variation.split(",")))
+
+
+def check_video_size(size: tuple[int, int], views: Collection[View]) -> None:
+    """Refuse heights and widths of images that the videos of the view `frames` cannot have.
+
+    Raises:
+        InvalidChoice: a side is odd or too short.
+    """
+    if "frames" in views and any(side % 2 or side < MIN_VIDEO_SIDE for side in size):
+        sides = f"even sides of at least {MIN_VIDEO_SIDE} pixels"
+        raise InvalidChoice("image_size of the view frames", "x".join(map(str, size)), sides)
 
 
 def repo_id_of(given: str | None, root: Path) -> str:

@@ -32,6 +32,8 @@ REFUSALS = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.ENAMETO
 """Of the system, whatever space is left."""
 
 ORIGIN, SHARDS, TEMPORARY, REPORT = "origin.json", "shards", "tmp-", "report.json"
+LEFTOVERS = (TEMPORARY, f".{ORIGIN}.")
+"""With what the names of files begin that a killed run was writing."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ def staged(root: Path, settings: GenerationSettings) -> Iterator[Staging]:
             )
         folder.mkdir(parents=True, exist_ok=True)
         foreign = {path.name for path in folder.iterdir()} - {ORIGIN, SHARDS}
-        if foreign := sorted(name for name in foreign if not name.startswith(TEMPORARY)):
+        if foreign := sorted(name for name in foreign if not name.startswith(LEFTOVERS)):
             raise DatasetError(
                 f"{folder / foreign[0]} was not made by this command: move it away, since {folder.name} is removed when "
                 "the dataset is complete"
@@ -140,7 +142,7 @@ def staged(root: Path, settings: GenerationSettings) -> Iterator[Staging]:
     with owned(folder):
         try:
             with plain_write_errors(folder):
-                for leftover in folder.glob(f"{TEMPORARY}*"):
+                for leftover in [path for path in folder.iterdir() if path.name.startswith(LEFTOVERS)]:
                     shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
                 shards.mkdir(exist_ok=True)
                 origin = Origin.here(settings)

@@ -183,11 +183,11 @@ def sweep_expert(
     Raises:
         BimanualError: the file is damaged or of another measurement, or an episode could not be played.
     """
-    earlier = read_earlier(ExpertRobustnessReport, output, config, conditions)
     keys = [key for key in conditions if conditions.played_as(key) == key]
     seeds = range(config.first_seed, config.first_seed + config.expert_episodes)
     log = EpisodeLog(output.with_suffix(".partial.jsonl"), exclusive=True)
     with Evaluator(workers, log) as evaluator:
+        earlier = read_earlier(ExpertRobustnessReport, output, config, conditions)
         worlds = conditions.worlds(keys, evaluator)
         known = earlier.by_key if earlier else {}
         missing = [key for key in keys if key not in known or known[key].world != worlds[key]]

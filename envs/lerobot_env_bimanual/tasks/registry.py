@@ -34,14 +34,42 @@ def register[T: Task](task_class: type[T]) -> type[T]:
     """Class decorator: add a task to the registry.
 
     Raises:
-        ValueError: another task has the same name or id.
+        ValueError: another task has the same name or id, or its data contradict each other.
     """
     spec = task_class.spec
+    _check(task_class())
     for other in TASKS.loaded.values():
         if other.spec.id == spec.id:
             raise ValueError(f"task {spec.name!r} has the id of {other.spec.name!r}; ids must be unique")
     TASKS.add(spec.name, task_class)
     return task_class
+
+
+def _check(task: Task) -> None:
+    """Refuse data with which episodes would look right and not be."""
+    spec = task.spec
+    for name in ("instructions", "suites"):
+        if isinstance(given := getattr(spec, name), str):
+            raise ValueError(
+                f"{name} is {given!r}, but must be a tuple of texts: one alone has a comma behind it"
+            )
+    if not spec.instructions:
+        raise ValueError("instructions are empty, but an episode has one")
+    indices = [variation.index for variation in spec.variations]
+    if indices != [*range(len(indices))]:
+        raise ValueError(f"variations have the indices {indices}, but must have {[*range(len(indices))]}")
+    for variation in spec.variations:
+        try:
+            spec.instructions_for(variation)
+        except LookupError as error:
+            raise ValueError(
+                f"an instruction names {error}, which variation {variation.index} has no word for"
+            ) from error
+        names = [condition.name for condition in task.conditions(variation)]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise ValueError(
+                f"conditions must have different names, but two are called {', '.join(sorted(twice))}"
+            )
 
 
 def list_tasks() -> tuple[str, ...]:
@@ -82,7 +110,7 @@ def resolve_tasks(selection: str | Sequence[str]) -> tuple[str, ...]:
     names = [name.strip() for name in names] or [""]
     tasks, chosen = list_tasks(), dict[str, None]()
     for name in names:  # only a suite needs all tasks to be loaded
-        suites = {} if name in tasks else list_suites()
+        suites = {} if name in tasks and name != ALL else list_suites()
         if name not in tasks and name not in suites:
             raise InvalidChoice("task", name, (*tasks, *suites))
         chosen.update(dict.fromkeys(suites.get(name, (name,))))

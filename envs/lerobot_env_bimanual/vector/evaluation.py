@@ -48,6 +48,7 @@ class Evaluation:
         set_random_state: brings the random numbers back into such a state.
         trained_worlds: task -> version of the world in which the policy learned it, where its config says so.
         shows_bar: whether a bar counts the episodes that were asked for.
+        is_kept: whether the folder of the record stays, so that the log names it.
     """
 
     policy: Mapping[str, str | int] = field(default_factory=dict)
@@ -56,6 +57,7 @@ class Evaluation:
     set_random_state: Callable[[str], object] = str
     trained_worlds: Mapping[str, str] = field(default_factory=dict)
     shows_bar: bool = False
+    is_kept: bool = True
 
 
 class _Entry(Record):
@@ -272,7 +274,7 @@ class EvaluationLog:
         videos = "--env.video_dir=FOLDER writes a video of every episode"
         if (folder := self._options.video_dir) is not None:
             videos = f"videos in {folder}"
-        if kept:
+        if kept and self._evaluation.is_kept:
             videos = f"{kept}; {videos}"
         known = [episode.survived for episode in episodes if episode.survived is not None]
         real = f"; real arms could have executed {sum(known)} of {len(known)}" if known else ""

@@ -308,5 +308,7 @@ def _array(action: Any) -> NDArray | InvalidAction:
     except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that requires its gradient
         return InvalidAction(f"an action is a vector of numbers, got what NumPy cannot read: {error}")
     if array.dtype.kind not in "biuf":
-        return InvalidAction(f"an action is a vector of numbers, got {type(action).__name__}")
+        return InvalidAction(
+            f"an action is a vector of numbers, got a {type(action).__name__} of {array.dtype}"
+        )
     return array

@@ -82,7 +82,12 @@ def evaluate(
         envs = LazyVectorEnv(
             [partial(BimanualEnv, task, options=replace(chosen, results_dir=None))] * environments,
             asynchronous=environments > 1,
-            evaluation=Evaluation({"type": name} if name else {}, wanted, shows_bar=progress),
+            evaluation=Evaluation(
+                {"type": name} if name else {},
+                wanted,
+                shows_bar=progress,
+                is_kept=chosen.results_dir is not None,
+            ),
             results_dir=str(path.parent),
         )
         try:
@@ -100,14 +105,16 @@ def evaluate(
 
 def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> None:
     """Play an episode of each seed."""
+    # They fill up the batch, and get the last action, so that one of a wrong length is refused as without them.
     fillers = range(seeds[-1] + 1, seeds[-1] + 1 + envs.num_envs - len(seeds))
     observations, info = envs.reset(seed=[*seeds, *fillers])
-    actions: list[Any] = [np.zeros(envs.single_action_space.shape or ())] * envs.num_envs
+    actions: list[Any] = [None] * envs.num_envs
     over = np.arange(envs.num_envs) >= len(seeds)
     while not over.all():
         for index, observation in enumerate(iterate(envs.observation_space, observations)):
             if not over[index]:
                 seen = dataset_row(observation) if keys == "lerobot" else observation
                 actions[index] = act(seen | {"task": str(info["instruction"][index])})
+        actions[len(seeds) :] = actions[len(seeds) - 1 : len(seeds)] * len(fillers)
         observations, _, terminated, truncated, info = envs.step(actions)
         over |= terminated | truncated

@@ -20,7 +20,15 @@ from lerobot_env_bimanual.workers import WorkerPool
 
 CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes", "load", "survived")
 """Fields of an episode that are compared one by one; its proof is compared step by step."""
-REPLAY_OPTIONS = ("variation", "split", "control_mode", "max_keyposes", "protective_stop", "perturb", "setting")
+REPLAY_OPTIONS = (
+    "variation",
+    "split",
+    "control_mode",
+    "max_keyposes",
+    "protective_stop",
+    "perturb",
+    "setting",
+)
 """Options that decide what happens; the others decide only what a policy sees."""
 
 type Options = tuple[tuple[str, str | int], ...]
