@@ -93,6 +93,13 @@ def test_under_a_nudge_the_replanning_expert_takes_over():
     assert found[1].failure_class == FailureClass.MISSED_GRASP
 
 
+def test_a_hand_that_closes_for_a_tick_now_and_then_has_not_closed():
+    joint_actions = np.tile([0, 0, 0, -1.5, 0, 1.5, 0, 1], (300, 2))
+    joint_actions[::50, 7] = 0
+    (found,) = attributed(EASY, played(EASY, joint_actions))
+    assert found.failure_class == FailureClass.OUT_OF_TIME
+
+
 @pytest.mark.parametrize("control_mode", ["auto", "joint"])
 def test_joint_actions_get_a_class_only(control_mode):
     episode = played("lift_ball", [np.tile([0, 0, 0, -1.5, 0, 1.5, 0, 1], 2)])

@@ -94,6 +94,11 @@ def test_what_cannot_be_evaluated_is_refused(options, complaint):
         evaluate(hands_down, "lift_ball", **options)
 
 
+def test_actions_of_a_wrong_length_are_refused_though_others_fill_up_the_batch():
+    with pytest.raises(BimanualError, match="16 or 18 numbers"):
+        evaluate(lambda _: np.zeros(7), "lift_ball", [0], environments=2, **FEW)
+
+
 def test_gymnasium_gives_lerobots_keys_if_it_is_asked_to():
     env = gym.make("bimanual/LiftBall-v0", keys="lerobot", image_size=24)
     observation, _ = env.reset(seed=3)

@@ -11,12 +11,14 @@ import pytest
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_env_bimanual.commands.task_list import TaskListConfig, task_list
+from lerobot_env_bimanual.conditions import Above
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.perturbations.axis import Axis, data
 from lerobot_env_bimanual.perturbations.axis import register as register_axis
 from lerobot_env_bimanual.registry import AXES
+from lerobot_env_bimanual.task import Task, Variation
 from lerobot_env_bimanual.tasks.registry import (
     TASKS,
     get_task,
@@ -39,6 +41,26 @@ def test_a_second_task_with_the_same_name_or_id_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         register(twin)
     assert get_task("push_box").__class__ is original
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"instructions": "push"},
+            "instructions is 'push', but must be a tuple of texts: one alone has a comma",
+        ),
+        ({"instructions": ()}, "instructions are empty"),
+        ({"instructions": ("push {what}",)}, "names 'what', which variation 0 has no word for"),
+        ({"variations": (Variation(), Variation())}, r"indices \[0, 0\], but must have \[0, 1\]"),
+        ({"success": (Above("box", 1.0),) * 2}, r"two are called above\(box, 1.00\)"),
+    ],
+)
+def test_a_task_whose_data_contradict_each_other_is_refused(changes, message):
+    original = type(get_task("push_box"))
+    spec = replace(original.spec, name="new_name", id=99, **changes)
+    with pytest.raises(ValueError, match=message):
+        register(type("New", (original,), {"spec": spec, "conditions": Task.conditions}))
 
 
 def test_names_are_resolved_in_order_and_unknown_ones_answered_and_suites_are_of_one_kind_each():

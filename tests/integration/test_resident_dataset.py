@@ -113,6 +113,13 @@ def test_depth_is_not_given_to_a_policy_that_takes_it_for_colours(generated):
         check_training(TrainPipelineConfig(dataset, policy=ACTConfig(device="cpu")))
 
 
+def test_images_of_another_size_than_a_config_names_are_refused(generated):
+    dataset = DatasetConfig("local/small", root=str(generated / "frames"))
+    named = {"observation.images.front": PolicyFeature(FeatureType.VISUAL, (3, 128, 128))}
+    with pytest.raises(DatasetError, match="is 24x32, but 128x128 in the policy's input_features"):
+        check_training(TrainPipelineConfig(dataset, policy=ACTConfig(device="cpu", input_features=named)))
+
+
 def test_what_is_missing_on_the_way_to_the_accelerator_is_named(monkeypatch):
     monkeypatch.setattr(train, "check_training", lambda cfg: cfg.missing)
     with pytest.raises(AttributeError, match="'missing'"):

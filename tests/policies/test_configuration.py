@@ -33,7 +33,8 @@ from lerobot_policy_bimanual.keypose.dataset_fit import fit_config
         (PerAct2Config, {"cameras": ("front", "front")}, BadConfig, "none twice"),
         (PerAct2Config, {"heads": 0}, BadConfig, "heads is 0, but must be a whole number from 1 to 128"),
         (PerAct2Config, {"heads": True}, BadConfig, "whole number"),
-        (PerAct2Config, {"optimizer_lr": float("nan")}, BadConfig, "a number from 0 to 10"),
+        (PerAct2Config, {"optimizer_lr": float("nan")}, BadConfig, "a number from 1e-12 to 10"),
+        (PerAct2Config, {"augmentation_yaw_deg": 4.0}, BadConfig, "nothing would be turned"),
         (PerAct2Config, {"attention_dropout": 1.0}, BadConfig, "a number from 0 to 0.9"),
         (PerAct2Config, {"workspace_upper": (0.7, -0.5, 1.6)}, BadConfig, "on every axis"),
         (PerAct2Config, {"n_obs_steps": 2}, BadConfig, "must be 1"),
@@ -49,6 +50,7 @@ from lerobot_policy_bimanual.keypose.dataset_fit import fit_config
         (RVTLFConfig, {"heatmap_sigma_px": 0.0}, BadConfig, "a number from 0.01"),
         (RVTLFConfig, {"heatmap_fusion": "sum"}, InvalidChoice, "mean, product"),
         (RVTLFConfig, {"fine_stage_zoom": 4}, BadConfig, "heatmap_fusion=product"),
+        (RVTLFConfig, {"fine_stage_zoom": 4, "heatmap_fusion": "product"}, BadConfig, "decode=expectation"),
         (RVTLFConfig, {"heatmap_dilations": (0,)}, BadConfig, "whole numbers from 1"),
     ],
 )

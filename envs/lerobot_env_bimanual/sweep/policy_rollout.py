@@ -11,11 +11,13 @@ from lerobot.configs import PreTrainedConfig
 from lerobot.envs import make_env_pre_post_processors
 from lerobot.policies import get_policy_class, make_policy, make_pre_post_processors
 from lerobot.scripts.lerobot_eval import rollout
+from lerobot.utils.constants import ACTION
 from lerobot.utils.device_utils import get_safe_torch_device
 from lerobot.utils.import_utils import register_third_party_plugins
 from lerobot.utils.random_utils import get_rng_state, set_rng_state, set_seed
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.env import BimanualEnv
@@ -59,7 +61,11 @@ class PolicyRollout:
             self._evaluation = evaluation_of(policy_config, seeds)
             self._device = get_safe_torch_device(str(policy_config.device))
             set_seed(seeds.start)
-            self._policy = make_policy(policy_config, env_cfg=config).eval()
+            # LeRobot takes the shape of actions from the environment, which has that of joint actions in mode `auto`.
+            action = (policy_config.output_features or {}).get(ACTION)
+            is_keypose = action is not None and tuple(action.shape) == (KEYPOSE_DIM,)
+            acted_in = replace(config, control_mode="keypose") if is_keypose else config
+            self._policy = make_policy(policy_config, env_cfg=acted_in).eval()
             around_policy = _processors(
                 policy_config, folder, rename_observations_processor={"rename_map": {}}
             )

@@ -29,7 +29,8 @@ def evaluation_of_program() -> Evaluation:
     """What this process evaluates; nothing is known of it unless it is `lerobot-eval` or ours of that kind.
 
     Raises:
-        BimanualError: LeRobot would record the evaluation, which it cannot.
+        BimanualError: LeRobot would record the evaluation, which it cannot, or play tasks at once with a policy of its own,
+            which has one queue of actions.
     """
     program = Path(sys.argv[0]).stem.replace("_", "-")
     if program not in ("lerobot-eval", OURS):
@@ -39,6 +40,11 @@ def evaluation_of_program() -> Evaluation:
         raise BimanualError(
             "--eval.recording=true does not store what this environment shows: leave it out, evaluate with "
             "--env.results_dir=FOLDER, and make a dataset with `lerobot-bimanual dataset from-results --results=FOLDER`"
+        )
+    if config.env.max_parallel_tasks > 1 and type(config.policy).__module__.startswith("lerobot.policies."):
+        raise BimanualError(
+            f"--env.max_parallel_tasks={config.env.max_parallel_tasks} plays all tasks with one policy, but "
+            f"{config.policy.type} has one queue of actions, which they would share: leave it out"
         )
     if config.policy is None or config.seed is None:
         return Evaluation()

@@ -97,7 +97,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # `adamw`, or `lamb` as in PerAct2's code, which trained at 5e-4 without warm-up.
     optimizer: str = choice("adamw", "lamb")
     # Learning rate.
-    optimizer_lr: float = number(5e-4, 0, 10)
+    optimizer_lr: float = number(5e-4, 1e-12, 10)
     # Weight decay.
     optimizer_weight_decay: float = number(1e-2, 0, 10)
     # Largest gradient norm; 0 for no clipping.
@@ -143,6 +143,11 @@ class KeyposePolicyConfig(PreTrainedConfig):
             raise BadConfig(
                 f"workspace_lower={list(self.workspace_lower)} must be below "
                 f"workspace_upper={list(self.workspace_upper)} on every axis"
+            )
+        if 0 < self.augmentation_yaw_deg < self.augmentation_yaw_step_deg:
+            raise BadConfig(
+                f"augmentation_yaw_deg={self.augmentation_yaw_deg} is less than a step of augmentation_yaw_step_deg="
+                f"{self.augmentation_yaw_step_deg}, so that nothing would be turned: set 0, or a smaller step"
             )
         if not divides_circle(self.rotation_bin_deg):
             raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")

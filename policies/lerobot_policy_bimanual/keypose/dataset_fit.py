@@ -44,7 +44,8 @@ def compare_with_checkpoint(config: PreTrainedConfig, trained: PreTrainedConfig,
         found, wanted = getattr(config, name, None), getattr(trained, name, None)
         if found != wanted:
             raise BadConfig(
-                f"{name} is {found}, but {origin} was trained with {wanted}: leave out --policy.{name}, or train anew"
+                f"{name} is {found}, but {origin} was trained with {wanted}: leave out --policy.{name}, give the checkpoint by "
+                "--policy.path, which brings its config, or train anew"
             )
 
 

@@ -55,6 +55,11 @@ class RVTLFConfig(KeyposePolicyConfig):
                 f"fine_stage_zoom={self.fine_stage_zoom} multiplies the distributions of two stages, which needs "
                 f"heatmap_fusion=product, not {self.heatmap_fusion}; or set fine_stage_zoom=1"
             )
+        if self.fine_stage_zoom > 1 and self.decode != "expectation":
+            raise BadConfig(
+                f"fine_stage_zoom={self.fine_stage_zoom} finds a place within a voxel, which decode={self.decode} would round to "
+                "its centre: set decode=expectation, or fine_stage_zoom=1"
+            )
         require_dilations(self, "heatmap_dilations")
         require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
         require_multiple(self, "token_dim", 8, "each half is normalised in four groups")

@@ -13,7 +13,7 @@ import inspect
 import logging
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from accelerate import Accelerator
 from accelerate.utils import DistributedDataParallelKwargs
 from lerobot.configs import parser
 from lerobot.configs.train import TrainPipelineConfig
+from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.configs.video import DEPTH_MILLIMETER_UNIT
 from lerobot.datasets import EpisodeAwareSampler
 from lerobot.scripts import lerobot_train
@@ -234,7 +235,8 @@ def check_training(cfg: TrainPipelineConfig) -> None:
     if cfg.dataset.root is not None:
         root = Path(cfg.dataset.root)
         check_dataset(root, cfg.dataset.episodes or [0])
-        has_depth = any(map(is_depth, read_info(root)["features"].values()))
+        stored = read_info(root)["features"]
+        has_depth = any(map(is_depth, stored.values()))
         policy = cfg.policy
         is_of_lerobot = type(policy).__module__.startswith("lerobot.policies.")
         if policy and is_of_lerobot and not policy.input_features and has_depth:
@@ -242,11 +244,24 @@ def check_training(cfg: TrainPipelineConfig) -> None:
                 f"the policy {policy.type!r} would take the depth in {root} for colours: generate the dataset with "
                 "--depth=false, or name what it reads by --policy.input_features"
             )
+        if policy and is_of_lerobot and path is None:
+            _check_image_sizes(root, stored, policy.input_features or {})
     if cfg.output_dir is not None:
         check_output_folder(cfg.output_dir if cfg.output_dir.is_dir() else cfg.output_dir.parent)
     if cfg.num_workers:
         logger.info("No loader processes: the dataset is in memory")
         cfg.num_workers = 0
+
+
+def _check_image_sizes(root: Path, stored: Mapping[str, Any], named: Mapping[str, PolicyFeature]) -> None:
+    """Refuse images of other sizes than a config names, which LeRobot would write into the checkpoint."""
+    for key in stored.keys() & named.keys():
+        found, wanted = stored[key]["shape"][:2], named[key].shape[1:]
+        if named[key].type is FeatureType.VISUAL and [*found] != [*wanted]:
+            raise DatasetError(
+                f"{key} in {root} is {'x'.join(map(str, found))}, but {'x'.join(map(str, wanted))} in the policy's "
+                "input_features: generate the dataset with that --image_size, or set --policy.input_features"
+            )
 
 
 def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
