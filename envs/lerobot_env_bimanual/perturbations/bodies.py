@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
@@ -28,6 +28,8 @@ first keypose, so a policy that observes after each keypose sees the nudge befor
 N_DIRECTIONS = 12
 MAX_SINKING_M = 5e-4
 """A shifted thing may sink this much deeper into what does not move; more is a collision."""
+EDGE_M = 0.005
+"""A shifted thing lies this far from the edge of its support; a nearer one may tip over it."""
 
 
 def free_roots(model: mujoco.MjModel) -> NDArray[np.intp]:
@@ -194,15 +196,28 @@ def _shift(scene: Scene, shift_m: NDArray[np.float64]) -> list[int]:
     """Shift (2,) all things that move freely, except those that cannot be; returns the bodies that were moved."""
     moved = free_roots(scene.model).tolist()
     before = _neighbours(scene, moved)
+    heights_m = {root: _height_m(scene, root) for root in moved}
+    ahead_m = EDGE_M * shift_m / np.linalg.norm(shift_m)
     _move(scene, moved, shift_m)
     while moved:
         after = _neighbours(scene, moved)
-        stuck = [root for root in moved if not _can_stay(before[root], after[root], moved)]
+        stuck = [
+            root
+            for root in moved
+            if not _can_stay(before[root], after[root], moved)
+            or _height_m(scene, root, ahead_m) > heights_m[root] + MAX_SINKING_M  # beyond an edge
+        ]
         if not stuck:
             break
         _move(scene, stuck, -shift_m)
         moved = [root for root in moved if root not in stuck]
     return moved
+
+
+def _height_m(scene: Scene, root: int, ahead_m: ArrayLike = (0, 0)) -> float:
+    """Height of a thing above its support, or above what is below a place (2,) ahead of it."""
+    pose = scene.pose(scene.model.body(root).name)
+    return _height_above_support(scene, pose.translated((*ahead_m, 0)))
 
 
 def _move(scene: Scene, roots: list[int], shift_m: NDArray[np.float64]) -> None:
