@@ -242,6 +242,8 @@ class BimanualEnv(gym.Env):
 
     def _execute(self, keypose: BimanualKeypose) -> None:
         progress = self.progress
+        # A plan starts from where the arms were told to go, which a perturbation may have moved.
+        progress.asked = progress.wanted = self.scene.commanded
         plan = self._world.planner.plan(keypose, progress.rng)
         progress.line_fallbacks += plan.line_fallbacks
         for joint_action in (*plan.actions, *[plan.actions[-1]] * self.perturbations.late_ticks):

@@ -128,6 +128,7 @@ def test_hands_miss_the_first_keypose_reach_the_second_and_the_expert_names_both
     assert max(first) < 50
     assert max(second) < 3
     assert outcome.commands[:2] == plain.commands[:2]
+    assert env.progress.clipped_ticks == 0
 
 
 def test_distractors_lie_on_the_table_apart_from_everything_and_out_of_the_hands_way(shared):
