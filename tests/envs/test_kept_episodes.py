@@ -179,8 +179,14 @@ def test_an_experts_episode_of_every_task_replays_as_recorded(task):
     episode = played(task, expert_keyposes(task))
     assert episode.success
     assert episode.first_met_tick is not None
-    verifier = EpisodeVerifier(task, {"split": "test"})
+    verifier = EpisodeVerifier(task, {"split": "test", "variation": 0})
     assert verifier(episode) == verifier(episode) == []
+
+
+def test_an_episode_of_another_variation_than_the_options_say_does_not_replay():
+    episode = played("handover_item", np.zeros((1, 18)))
+    assert EpisodeVerifier("handover_item", {"variation": 0})(episode) == []
+    assert EpisodeVerifier("handover_item", {"variation": 1})(episode) == ["another state at the start"]
 
 
 def with_actions(episode: Episode, change) -> Episode:

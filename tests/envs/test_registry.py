@@ -4,14 +4,14 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_env_bimanual.commands.task_list import TaskListConfig, task_list
-from lerobot_env_bimanual.conditions import Above
+from lerobot_env_bimanual.conditions import Above, Condition
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
@@ -27,6 +27,17 @@ from lerobot_env_bimanual.tasks.registry import (
     register,
     resolve_tasks,
 )
+
+
+@dataclass(frozen=True)
+class InAnyOf(Condition):
+    """A condition of another author."""
+
+    props: frozenset[str]
+
+    def __call__(self, view):
+        return False
+
 
 ALTERNATIVES = ("symmetric asymmetric", "synchronous asynchronous", "prehensile non_prehensile mixed")
 
@@ -152,6 +163,13 @@ def test_options_hold_one_form_and_axes_that_cannot_be_are_refused():
     AXES.get("mass")
     with pytest.raises(ValueError, match="another axis is called 'mass'"):
         register_axis(Axis(**data("mass")))
+
+
+def test_a_condition_whose_text_differs_between_processes_has_no_version(monkeypatch):
+    strange = (InAnyOf(frozenset({"box", "table"})),)
+    monkeypatch.setattr(type(get_task("push_box")), "conditions", lambda self, variation: strange)
+    with pytest.raises(BimanualError, match=r"InAnyOf\.props of push_box is frozenset"):
+        world_version.__wrapped__("push_box")
 
 
 def test_a_perturbed_or_varied_world_has_a_version_of_its_own_even_if_it_only_looks_different():

@@ -45,6 +45,11 @@ def test_both_views_hold_the_same_episodes_and_keyframes_the_stages_with_the_ask
         assert {*flagged} == (starts - {0}) | {len(every_tick)}
 
 
+def test_others_may_read_videos_as_far_as_the_other_files(generated):
+    usual = (generated / "frames/meta/info.json").stat().st_mode
+    assert {path.stat().st_mode for path in generated.rglob("*.mp4")} == {usual}
+
+
 def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
     cameras = ("front", "left_wrist")
     keyframes = LeRobotDataset("local/small", root=generated / "keyframes")
