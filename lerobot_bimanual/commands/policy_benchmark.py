@@ -1,5 +1,7 @@
 """The command `policy benchmark`."""
 
+import sys
+
 from rich.console import Console
 
 from lerobot_bimanual.benchmark.column import cells, run_column
@@ -27,7 +29,10 @@ def policy_benchmark(config: BenchmarkConfig) -> None:
         lerobot-bimanual policy benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16" --dry_run
     """
     console = Console()
-    if len(column := cells(config, [*count_variations(config.task)])) > 1:
+    column = cells(config, tasks := [*count_variations(config.task)])
+    if others := {*tasks} - {cell.task for cell in column}:
+        print(f"left out: {', '.join(sorted(others))}, for which {config.protocol} is not", file=sys.stderr)
+    if len(column) > 1:
         if config.dry_run:
             console.print(*map(command, column), sep="\n", soft_wrap=True, highlight=False, markup=False)
         else:

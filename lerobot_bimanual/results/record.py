@@ -66,8 +66,8 @@ class Record(BaseModel):
 
 
 def result_paths(place: Path) -> list[Path]:
-    """The file itself, or the JSON files of a folder, sorted; one without any is a `BadRecord`."""
-    found = sorted(place.glob("*.json")) if place.is_dir() else [place]
+    """The file itself, or the JSON files of a folder but LeRobot's own, sorted; one without any is a `BadRecord`."""
+    found = sorted({*place.glob("*.json")} - {place / "eval_info.json"}) if place.is_dir() else [place]
     if not found:
         raise BadRecord(
             f"{place} holds no results; `lerobot-bimanual policy benchmark` writes them to OUTPUT/results"
