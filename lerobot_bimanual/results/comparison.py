@@ -145,8 +145,12 @@ def _check_equal(
 
 def _facts_of_episodes(result: Scored) -> dict[str, object]:
     versions = {package: result.versions.get(package) for package in SIMULATION_PACKAGES}
-    options = {f"option {name}": result.options.get(name) for name in ("split", *RULES)}
-    return {"what is played": result.eval_key, "world": result.world, "versions": versions} | options
+    facts: dict[str, object] = {
+        "what is played": result.eval_key,
+        "world": result.world,
+        "versions": versions,
+    }
+    return facts | {f"option {name}": result.options.get(name) for name in ("split", *RULES)}
 
 
 def _facts_of_table(result: Scored) -> dict[str, object]:

@@ -74,8 +74,8 @@ class ActionReader:
             high = np.ones_like(low)
             low[:, QUATERNION] = -1.0
             # As float32 the border may lie outside, and the upper one always does.
-            low[:, POSITION] = np.nextafter(np.float32(VOXEL_WORKSPACE.lower), np.float32(np.inf))
-            high[:, POSITION] = np.nextafter(np.float32(VOXEL_WORKSPACE.upper), np.float32(-np.inf))
+            low[:, POSITION] = np.nextafter(np.array(VOXEL_WORKSPACE.lower, np.float32), np.float32(np.inf))
+            high[:, POSITION] = np.nextafter(np.array(VOXEL_WORKSPACE.upper, np.float32), np.float32(-np.inf))
             return spaces.Box(low.ravel(), high.ravel(), dtype=np.float32)
         return spaces.Box(self.lower, self.upper, dtype=np.float32)
 

@@ -1,9 +1,10 @@
 """Axes that change what the arms handle: `friction`, `mass`, `nudge`, `size`, `stiffness`."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
@@ -214,7 +215,7 @@ def _shift(scene: Scene, shift_m: NDArray[np.float64]) -> list[int]:
     return moved
 
 
-def _height_m(scene: Scene, root: int, ahead_m: ArrayLike = (0, 0)) -> float:
+def _height_m(scene: Scene, root: int, ahead_m: Iterable[float] = (0, 0)) -> float:
     """Height of a thing above its support, or above what is below a place (2,) ahead of it."""
     pose = scene.pose(scene.model.body(root).name)
     return _height_above_support(scene, pose.translated((*ahead_m, 0)))
