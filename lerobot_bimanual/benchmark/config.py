@@ -15,14 +15,8 @@ from lerobot_bimanual.results.protocols import OWN, PROTOCOLS, RULES
 
 OWN_FLAGS = {
     "train_flags": (
-        *(
-            "dataset.repo_id",
-            "dataset.root",
-            "dataset.episodes",
-            "policy.type",
-            "policy.path",
-            "policy.device",
-        ),
+        *("dataset.repo_id", "dataset.root", "dataset.episodes"),
+        *("policy.type", "policy.path", "policy.device"),
         *("steps", "batch_size", "save_freq", "seed", "output_dir", "resume", "config_path"),
     ),
     "eval_flags": (

@@ -151,10 +151,8 @@ class LazyVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._action_lengths = example.action_lengths
         who, options = evaluation or Evaluation(), replace(example.options, results_dir=results_dir)
-        self._episodes, self._is_recorded = (
-            EvaluationLog(example.task, options, self.num_envs, who),
-            bool(results_dir),
-        )
+        self._episodes = EvaluationLog(example.task, options, self.num_envs, who)
+        self._is_recorded = results_dir is not None
         self._settled: dict[int, Episode | None] = {}
         example.close()
         if asynchronous:  # so that it imports what workers need while LeRobot loads the policy
@@ -211,12 +209,9 @@ class LazyVectorEnv(VectorEnv):
             WorkerDied: a worker has died; the next reset starts all environments anew.
         """
         seeds, chosen = _checked_seeds(seed, self.num_envs), checked_reset_options(options)
-        if (
-            self._is_recorded and "variation" in chosen
-        ):  # a record has one for all episodes, or that of each seed
-            raise InvalidChoice(
-                "variation", chosen["variation"], "an option of the environments, which results_dir records"
-            )
+        if self._is_recorded and "variation" in chosen:
+            allowed = "an option of the environments, which their record names"
+            raise InvalidChoice("variation", chosen["variation"], allowed)
         is_reset = np.asarray(chosen.get("reset_mask", np.ones(self.num_envs)))
         observations, info = self._ask(lambda envs: envs.reset(seed=seeds, options=options))
         begun = {index: seeds[index] for index in np.flatnonzero(is_reset).tolist()}

@@ -12,6 +12,7 @@ from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.proof import first_difference
+from lerobot_bimanual.results.protocols import RULES
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
@@ -20,15 +21,7 @@ from lerobot_env_bimanual.workers import WorkerPool
 
 CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes", "load", "survived")
 """Fields of an episode that are compared one by one; its proof is compared step by step."""
-REPLAY_OPTIONS = (
-    "variation",
-    "split",
-    "control_mode",
-    "max_keyposes",
-    "protective_stop",
-    "perturb",
-    "setting",
-)
+REPLAY_OPTIONS = ("variation", "split", "setting", "perturb", "control_mode", *RULES)
 """Options that decide what happens; the others decide only what a policy sees."""
 
 type Options = tuple[tuple[str, str | int], ...]
