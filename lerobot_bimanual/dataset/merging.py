@@ -58,7 +58,7 @@ def merge_datasets(sources: Sequence[Path], root: Path) -> None:
         pd.DataFrame({"task_index": range(len(sentences))}, index=pd.Index(sentences, name="task")), root
     )
     first.total_episodes, first.total_frames = merger.episodes, merger.rows
-    share_files(root, "*.mp4")  # LeRobot joins videos in temporary files, which nobody else may read
+    share_files(root, "*.mp4")  # LeRobot joins videos in temporary files, which no other user may read
     first.total_tasks, first.splits = len(sentences), {"train": f"0:{merger.episodes}"}
     io_utils.write_info(first, root)
     statistics = aggregate_stats([stats for source in sources if (stats := io_utils.load_stats(source))])

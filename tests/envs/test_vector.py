@@ -113,7 +113,7 @@ BAD_ACTIONS = {
     "NaN": (lambda action: np.where(np.arange(16) == 3, np.nan, action), "not finite in: left_joint4"),
     "ragged": (lambda action: [[1.0], *action[1:]], "what NumPy cannot read"),
     "a tensor that requires its gradient": (lambda _: torch.zeros(16, requires_grad=True), "requires grad"),
-    "nothing": (lambda _: None, r"got NoneType"),
+    "nothing": (lambda _: None, "got a NoneType of object"),
 }
 
 

@@ -32,12 +32,7 @@ TINY_PERACTS = {"dense": TINY_PERACT | {"translation_head": "dense"}, "factorise
 TINY_RVT = TINY | {"voxel_size": 15, "patch": 5, "attention_dim": 32, "heatmap_sigma_px": 0.5}
 """Sizes of the smallest RVT with every part in it."""
 
-TWO_STAGES = {
-    "language_filters": True,
-    "heatmap_fusion": "product",
-    "fine_stage_zoom": 2,
-    "decode": "expectation",
-}
+TWO_STAGES = {"language_filters": True, "heatmap_fusion": "product", "fine_stage_zoom": 2}
 TINY_RVTS = {"one_stage": TINY_RVT, "two_stages": TINY_RVT | TWO_STAGES}
 
 

@@ -50,13 +50,20 @@ from lerobot_policy_bimanual.keypose.dataset_fit import fit_config
         (RVTLFConfig, {"heatmap_sigma_px": 0.0}, BadConfig, "a number from 0.01"),
         (RVTLFConfig, {"heatmap_fusion": "sum"}, InvalidChoice, "mean, product"),
         (RVTLFConfig, {"fine_stage_zoom": 4}, BadConfig, "heatmap_fusion=product"),
-        (RVTLFConfig, {"fine_stage_zoom": 4, "heatmap_fusion": "product"}, BadConfig, "decode=expectation"),
         (RVTLFConfig, {"heatmap_dilations": (0,)}, BadConfig, "whole numbers from 1"),
     ],
 )
 def test_values_that_cannot_work_are_refused_with_what_can(kind, changes, error, hint):
     with pytest.raises(error, match=hint):
         kind(device="cpu", **changes)
+
+
+def test_a_fine_stage_whose_place_would_be_rounded_is_a_warning(caplog):
+    stages = {"fine_stage_zoom": 4, "heatmap_fusion": "product"}
+    RVTLFConfig(device="cpu", decode="expectation", **stages)
+    assert not caplog.messages
+    RVTLFConfig(device="cpu", **stages)
+    assert "set decode=expectation" in caplog.text
 
 
 def test_only_what_the_policy_reads_stays_among_its_inputs_and_missing_depth_is_named():

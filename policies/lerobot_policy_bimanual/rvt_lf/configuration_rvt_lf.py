@@ -1,5 +1,6 @@
 """Config of RVT-LF, with the sizes of its networks."""
 
+import logging
 from dataclasses import dataclass
 
 from lerobot.configs import PreTrainedConfig
@@ -7,6 +8,8 @@ from lerobot.configs import PreTrainedConfig
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.fields import choice, number, require_dilations, require_multiple
+
+logger = logging.getLogger(__name__)
 
 
 @PreTrainedConfig.register_subclass("rvt_lf")
@@ -56,9 +59,10 @@ class RVTLFConfig(KeyposePolicyConfig):
                 f"heatmap_fusion=product, not {self.heatmap_fusion}; or set fine_stage_zoom=1"
             )
         if self.fine_stage_zoom > 1 and self.decode != "expectation":
-            raise BadConfig(
-                f"fine_stage_zoom={self.fine_stage_zoom} finds a place within a voxel, which decode={self.decode} would round to "
-                "its centre: set decode=expectation, or fine_stage_zoom=1"
+            logger.warning(
+                "fine_stage_zoom=%s finds a place within a voxel, which decode=%s rounds to its centre: set decode=expectation",
+                self.fine_stage_zoom,
+                self.decode,
             )
         require_dilations(self, "heatmap_dilations")
         require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
