@@ -58,14 +58,6 @@ def test_values_that_cannot_work_are_refused_with_what_can(kind, changes, error,
         kind(device="cpu", **changes)
 
 
-def test_a_fine_stage_whose_place_would_be_rounded_is_a_warning(caplog):
-    stages = {"fine_stage_zoom": 4, "heatmap_fusion": "product"}
-    RVTLFConfig(device="cpu", decode="expectation", **stages)
-    assert not caplog.messages
-    RVTLFConfig(device="cpu", **stages)
-    assert "set decode=expectation" in caplog.text
-
-
 def test_only_what_the_policy_reads_stays_among_its_inputs_and_missing_depth_is_named():
     config = PerAct2Config(device="cpu", cameras=("front",))
     config.input_features = dataset_to_policy_features(features(("front", "left_wrist"), 16, 16, "keyframes"))

@@ -1,6 +1,5 @@
 """Config of RVT-LF, with the sizes of its networks."""
 
-import logging
 from dataclasses import dataclass
 
 from lerobot.configs import PreTrainedConfig
@@ -8,8 +7,6 @@ from lerobot.configs import PreTrainedConfig
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.fields import choice, number, require_dilations, require_multiple
-
-logger = logging.getLogger(__name__)
 
 
 @PreTrainedConfig.register_subclass("rvt_lf")
@@ -28,6 +25,7 @@ class RVTLFConfig(KeyposePolicyConfig):
     # Radius of a rendered point in units of the workspace's half edge.
     point_radius: float = number(0.012, 0, 0.2)
     # A second network zooms in on the position that the first predicts, so many times, as in RVT-2; 1 for no second one.
+    # With `decode=voxel` its place is rounded to voxels of the first.
     fine_stage_zoom: int = number(1, 1, 8)
     # Width of the image tokens outside the attention, half pixels and half proprioception.
     token_dim: int = number(128, 8, 8192)
@@ -57,12 +55,6 @@ class RVTLFConfig(KeyposePolicyConfig):
             raise BadConfig(
                 f"fine_stage_zoom={self.fine_stage_zoom} multiplies the distributions of two stages, which needs "
                 f"heatmap_fusion=product, not {self.heatmap_fusion}; or set fine_stage_zoom=1"
-            )
-        if self.fine_stage_zoom > 1 and self.decode != "expectation":
-            logger.warning(
-                "fine_stage_zoom=%s finds a place within a voxel, which decode=%s rounds to its centre: set decode=expectation",
-                self.fine_stage_zoom,
-                self.decode,
             )
         require_dilations(self, "heatmap_dilations")
         require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
