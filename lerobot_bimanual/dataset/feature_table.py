@@ -35,8 +35,9 @@ columns, and not side files, because columns survive every tool that merges, spl
 """
 
 SUCCESS, FAILURE_CLASS = "success", "failure_class"
-PLAYED: dict[str, str] = {"policy": "string", "setting": "string", "perturb": "string"}
-OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"} | PLAYED
+OUTCOME: dict[str, str] = {SUCCESS: "bool"} | dict.fromkeys(
+    (FAILURE_CLASS, "policy", "setting", "perturb"), "string"
+)
 """Further columns of shape (1,) of policies' episodes: whether it was solved, the class of its failure, "" if it was, and who
 played it under what."""
 PLAN = "plan"
