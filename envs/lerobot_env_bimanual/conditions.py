@@ -143,7 +143,7 @@ class Inside(Condition):
     Attributes:
         prop: body whose origin counts.
         container: body in whose frame the box stands.
-        lower_m: corner of the box, (3,).
+        lower_m: corner of the box, (3,), which is larger where the container is.
         upper_m: the opposite corner, (3,).
     """
 
@@ -154,6 +154,7 @@ class Inside(Condition):
 
     def __call__(self, view: SceneView) -> bool:
         position = view.pose(self.container).inverse().apply(view.pose(self.prop).position)
+        position /= view.scales.get(self.container, 1.0)
         return bool(np.all(position >= self.lower_m) and np.all(position <= self.upper_m))
 
 

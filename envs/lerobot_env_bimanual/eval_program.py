@@ -33,10 +33,11 @@ def _check(values: Mapping[str, str]) -> None:
         raise BimanualError(
             "--policy.path=FOLDER is missing: the folder `pretrained_model` of a trained policy"
         )
-    for name in ("eval.n_episodes", "eval.batch_size"):
+    # A batch of 0 leaves its size to LeRobot.
+    for name, least in (("eval.n_episodes", 1), ("eval.batch_size", 0)):
         given = values.get(name, "1")
-        if not given.isdecimal() or not int(given):
-            raise InvalidChoice(f"--{name}", given, "an integer of at least 1")
+        if not given.isdecimal() or int(given) < least:
+            raise InvalidChoice(f"--{name}", given, f"an integer of at least {least}")
     if values.get("env.type") == "bimanual":
         from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 

@@ -26,6 +26,8 @@ OWN_FLAGS = {
     ),
 }
 """Flags that the benchmark sets from its own, which these flags therefore cannot hold."""
+NOT_IN_RECIPES = ("dataset.episodes", "policy.path", "resume", "config_path")
+"""Of the flags of a training those that a recipe cannot hold; the others, but for the seed, have flags that win over it."""
 NUMBERS = ("demos", "image_size", "steps", "batch_size", "save_freq", "val_episodes", "test_episodes")
 """Fields that a recipe and a protocol fill in."""
 
@@ -110,6 +112,14 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     numbers = {name: usual[name] if number is None else number for name, number in given.items()}
     training = recipe.options(numbers["image_size"])
     usual_device = training.get("policy.device")
+    overlooked = {*NOT_IN_RECIPES} & training.keys()
+    if training.get("seed", config.seed) != config.seed:
+        overlooked.add("seed")
+    if overlooked:
+        raise BimanualError(
+            f"{recipe.file} sets {', '.join(sorted(overlooked))}, which a benchmark sets itself: leave it out; it has "
+            "--seed, --demos for fewer demonstrations, and policy.pretrained_path in the file for weights to start from"
+        )
     training = {name: value for name, value in training.items() if name not in OWN_FLAGS["train_flags"]}
     # The dataset is in memory, so workers would have nothing to do.
     training |= {"num_workers": 0, "log_freq": max(1, numbers["save_freq"] // 5)}

@@ -25,10 +25,11 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import check_output_folder, owned, sha256
 from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import usable_cores
+from lerobot_bimanual.results.benchmark import INCIDENTAL
 from lerobot_bimanual.results.record import Record
 
-WORKERS = r" --workers=\d+"
-"""Changes no output, so a command with another number of them is the same."""
+NO_MATTER = r" --(workers|{})=\S+".format("|".join(map(re.escape, INCIDENTAL)))
+"""Flags that change no output, so that a command with others is the same."""
 TERMINATION_TIMEOUT_S = 5.0
 """Time that an interrupted program has to end its workers."""
 
@@ -60,7 +61,7 @@ class Command:
 
 
 class Marker(Record):
-    """Progress of a command: its words as a shell has them, SHA-256 of its inputs, and wall time of all its runs."""
+    """Progress of a command: its words as a shell has them, SHA-256 of its inputs, and wall time of its runs that were not killed."""
 
     command: str
     inputs: dict[str, str]
@@ -177,8 +178,7 @@ class Pipeline:
         inputs = {str(path): sha256(path) for path in command.inputs}
         new = Marker(command=str(command), inputs=inputs, done=False, seconds=0.0)
         found = Marker.read(path) if (path := self._path(command)).is_file() else new
-        same = re.sub(WORKERS, "", found.command) == re.sub(WORKERS, "", new.command)
-        return found if same and found.inputs == inputs else new
+        return found if _same(found.command, str(command)) and found.inputs == inputs else new
 
     def _path(self, command: Command) -> Path:
         return self._folder / f"{command.name}.command.json"
@@ -196,7 +196,7 @@ class Pipeline:
             shutil.rmtree(folder, ignore_errors=True)
             return None
         path = self._path(command)
-        if not path.is_file() or Marker.read(path).command != str(command):
+        if not path.is_file() or not _same(Marker.read(path).command, str(command)):
             raise BimanualError(
                 f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
                 f"remove the folder to train anew with: {command}"
@@ -205,6 +205,11 @@ class Pipeline:
         words = [command.words[0], f"--config_path={checkpoints[-1]}"]
         kept = [word for word in command.words if word.startswith("--keep_last=")]
         return [*words, "--trust_checkpoint=true", "--resume=true", *kept]
+
+
+def _same(first: str, second: str) -> bool:
+    """Whether two commands have the same output."""
+    return re.sub(NO_MATTER, "", first) == re.sub(NO_MATTER, "", second)
 
 
 def show_command(console: Console, prompt: str, words: Iterable[str]) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Literal, Self
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, flag_words, resolve
 from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.recipes import Recipe, sizes
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
 from lerobot_bimanual.results.evaluation import STANDARD, eval_key, perturbed
 from lerobot_bimanual.results.protocols import PROTOCOLS
@@ -53,6 +54,9 @@ class Plan:
     def dataset(self) -> Path:
         """The demonstrations."""
         kind = self.recipe.view if self.recipe.depth else f"{self.recipe.view}_rgb"
+        if self.recipe.cameras != CAMERA_NAMES:
+            kind += f"_{'.'.join(self.recipe.cameras)}"
+        kind += "_on_the_way" if self._intermediate else ""
         name = self.settings.seeded(f"{kind}_{self.settings.image_size}_{self.settings.demos}")
         return self.source / self.settings.demonstrated(name)
 
@@ -106,7 +110,6 @@ class Plan:
     def generation(self) -> Command:
         """Record the demonstrations; the splits of the evaluation have other episodes for the same seeds."""
         settings = self.settings
-        fractions = sizes(settings.recipe).intermediate if self.recipe.view == "keyframes" else ()
         options = {
             "task": settings.trained_on or settings.task,
             "variation": settings.demos_variation or settings.variation,
@@ -117,7 +120,7 @@ class Plan:
             "image_size": settings.image_size,
             "cameras": ",".join(self.recipe.cameras),
             "depth": None if self.recipe.depth else False,
-            "intermediate": ",".join(map(str, fractions)),
+            "intermediate": ",".join(map(str, self._intermediate)),
             "root": str(self.dataset),
             "repo_id": self._repo_id,
             "perturb": settings.demos_perturb,
@@ -200,6 +203,11 @@ class Plan:
 
     def _perturb(self, split: ScoredSplit) -> str:
         return self.settings.perturb if split == "test" else ""
+
+    @property
+    def _intermediate(self) -> tuple[float, ...]:
+        """Where on the way to a keypose the demonstrations keep observations, as fractions of the motion."""
+        return sizes(self.settings.recipe).intermediate if self.recipe.view == "keyframes" else ()
 
     @property
     def _setting(self) -> str:

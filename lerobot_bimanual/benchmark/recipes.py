@@ -86,6 +86,10 @@ class Recipe:
             raise BimanualError(f"{files[name]} is not a recipe of a benchmark: {error!r}") from error
         if view not in schema.VIEWS:
             raise InvalidChoice(f"last folder of dataset.root in {files[name]}", view, get_args(schema.View))
+        known = [key(camera) for camera in CAMERA_NAMES for key in (schema.image_key, schema.depth_key)]
+        for key, feature in recipe._features.items():
+            if feature["type"] == "VISUAL" and key not in known:
+                raise InvalidChoice(f"image among the input_features in {files[name]}", key, known)
         if type_ != policy:
             raise BimanualError(f"{files[name]} trains {type_!r}, but must train {policy!r}")
         return recipe

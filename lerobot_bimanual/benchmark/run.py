@@ -6,6 +6,7 @@ import sys
 from datetime import date
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
@@ -16,6 +17,7 @@ from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.files import sha256
 from lerobot_bimanual.results.benchmark import (
+    INCIDENTAL,
     BenchmarkResult,
     BenchmarkSettings,
     Demonstrations,
@@ -181,12 +183,19 @@ def _made_before(plan: Plan) -> BenchmarkResult | None:
     except BadRecord as error:
         raise BadRecord(f"{error}; {advice}, or move the file") from error
     for name in BenchmarkSettings.model_fields:
-        got, asked = getattr(made.config, name), getattr(plan.settings, name)
+        got, asked = (_decisive(getattr(settings, name)) for settings in (made.config, plan.settings))
         if got != asked:
             raise BimanualError(
                 f"{plan.result} would be replaced: its {name} is {got!r}, not {asked!r}; {advice}"
             )
     return made
+
+
+def _decisive(value: Any) -> Any:
+    """A setting without the options of the training that decide nothing."""
+    if not isinstance(value, dict):
+        return value
+    return {name: option for name, option in value.items() if name not in INCIDENTAL}
 
 
 def _read_report(path: Path, task: str) -> tuple[str, tuple[Episode, ...]]:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.terminal import show_next
 
 
@@ -31,5 +32,8 @@ def dataset_push(config: DatasetPushConfig) -> None:
     from lerobot_bimanual.dataset.hub import push_dataset
 
     print(push_dataset(config.root, config.repo_id, private=config.private, branch=config.branch))
-    flags = ("--policy.type=peract2", "--policy.push_to_hub=false", f"--dataset.repo_id={config.repo_id}")
+    made = Provenance.of_dataset(config.root)
+    policy = "peract2" if made is not None and made.is_for_keypose_policies else "act"
+    flags = [f"--policy.type={policy}", "--policy.push_to_hub=false", f"--dataset.repo_id={config.repo_id}"]
+    flags += [f"--dataset.revision={config.branch}"] if config.branch else []
     show_next("lerobot-bimanual-train", *flags)

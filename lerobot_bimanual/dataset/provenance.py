@@ -77,6 +77,11 @@ class Provenance(Record):
         """Setting of the episodes."""
         return str(self.settings.get("setting", "standard"))
 
+    @property
+    def is_for_keypose_policies(self) -> bool:
+        """Whether there is all that policies with a voxel grid learn from: keyposes and depth."""
+        return self.view == "keyframes" and self.settings.get("depth") is not False
+
     def other_versions(self) -> dict[str, tuple[str, str]]:
         """Packages that decide what a seed means and differ here: package -> (recorded, installed) version."""
         installed = installed_versions()

@@ -172,7 +172,7 @@ class BenchmarkResult(Record):
         demonstrations: what the policy learned from.
         checkpoint_step: optimiser steps of the checkpoint that was tested.
         checkpoint_sha256: of its `model.safetensors`.
-        training_seconds: wall time of the training.
+        training_seconds: wall time of the training, without runs that were killed outright.
         machine: where it ran.
         options: options of the environment in which the policy was tested, by name.
         batch_size: environments side by side in the test.

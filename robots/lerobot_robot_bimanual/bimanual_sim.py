@@ -69,7 +69,7 @@ class BimanualSim(Robot):
     states, bit for bit. Bad values are dealt with as in the environment's mode `auto`: targets outside the joint
     limits are clipped, a NaN raises.
 
-    **The next episode begins when both hands are sent home** after one of them has left it. That is what LeRobot does by
+    **The next episode begins when both hands are sent home**, or to where they began, after one of them has left it. That is what LeRobot does by
     itself between the episodes of `lerobot-rollout --strategy.type=episodic`, and what a person does in the reset phase of
     `lerobot-record`. An episode that is solved stands still until then.
 
@@ -89,6 +89,7 @@ class BimanualSim(Robot):
         self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
         self._env: UntimedEnv | None = None
         self._next_seed = config.seed
+        self._homes = HOME[None]
         self._has_left_home = False
 
     @property
@@ -148,6 +149,8 @@ class BimanualSim(Robot):
             env.close()
             raise
         self._env = env
+        # LeRobot brings the arms back to where it found them, which an axis of perturbation may have moved.
+        self._homes = np.stack([HOME, env.progress.asked])
 
     def get_observation(self) -> dict[str, Any]:
         """Joints in rad, openings 0..1, images uint8 (H, W, 3), depth uint16 (H, W, 1) in millimetres.
@@ -181,7 +184,8 @@ class BimanualSim(Robot):
         """
         env = self.env
         command = self._read(action)
-        distance_rad = float(np.abs(by_arm(command - HOME)[:, :JOINTS_PER_ARM]).max())
+        away_rad = np.abs(by_arm(command - self._homes)[..., :JOINTS_PER_ARM]).max(axis=(-2, -1))
+        distance_rad = float(away_rad.min())
         if self._has_left_home and distance_rad < AT_HOME_RAD:
             if not env.progress.terminated:
                 env.log_outcome()

@@ -187,12 +187,18 @@ def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
         BenchmarkSettings.of(**dict(resolve(BenchmarkConfig("mine"))) | {"protocol": "few"})
 
 
-def test_names_of_recipes_and_checkpoints_that_would_be_missed_are_refused(programs, config, tmp_path):
+def test_what_a_benchmark_would_overlook_or_mistake_is_refused(programs, config, install_recipe, tmp_path):
     with pytest.raises(BimanualError, match=r"mine/paper\.yaml has the name of an installed recipe"):
         resolve(replace(config, recipe="mine/paper.yaml"))
     with pytest.raises(BimanualError, match=r"--keep_last, but every checkpoint is validated.*val_episodes="):
         resolve(replace(config, train_flags="--keep_last=1"))
     assert resolve(replace(config, train_flags="--keep_last=1", val_episodes=0)).training["keep_last"] == 1
+    text = install_recipe("theirs").read_text().replace("dataset: {", "seed: 7\ndataset: {episodes: [0], ")
+    (own := tmp_path / "own.yaml").write_text(text)
+    with pytest.raises(
+        BimanualError, match=r"own\.yaml sets dataset\.episodes, seed, which a benchmark sets"
+    ):
+        resolve(BenchmarkConfig("theirs", recipe=str(own)))
     with pytest.raises(BimanualError, match=r"file would have a name of 2\d\d letters"):
         resolve(replace(config, trained_on="a" * 200, val_episodes=0))
 
@@ -210,6 +216,17 @@ def test_protocols_that_differ_in_the_test_alone_share_demonstrations_and_traini
     assert len({plan.run_folder for plan in (standard, *plans.values())}) == len(plans) + 1
     assert "--variation=0,1,2,3" in plans["pairings"].generation().words
     assert "--player=replanning" in hard.baseline("expert").words
+
+
+def test_recipes_with_other_cameras_have_demonstrations_of_their_own(
+    programs, config, tmp_path, install_recipe
+):
+    features = "input_features: {observation.images.front_depth: {type: VISUAL, shape: [1, 9, 9]}}"
+    text = install_recipe("theirs").read_text().replace("name: plain", features)
+    (file := tmp_path / "front.yaml").write_text(text)
+    plan = Plan.of(replace(config, policy="theirs", recipe=str(file)))
+    assert "--cameras=front" in plan.generation().words
+    assert (plan.dataset.name, Plan.of(config).dataset.name) == ("keyframes_front_128_2", "keyframes_128_2")
 
 
 def test_demonstrations_of_other_versions_are_refused_before_a_policy_learns_from_them(programs, config):

@@ -149,15 +149,15 @@ def training_command(tmp_path: Path, *more: str) -> Command:
 
 def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, trainings, training):
     kept = "--keep_last=2"
-    command = training_command(tmp_path, kept)
+    first_command, command = (training_command(tmp_path, *each) for each in ((), (kept,)))
     training.code = 1
     with pytest.raises(BimanualError):
-        trainings.run(command)
+        trainings.run(first_command)
     first = trainings.seconds(command)
     training.code = 0
     trainings.run(command)
     resumed = ["lerobot-train", f"--config_path={training.last}", *RESUMED, kept]
-    assert training.calls == [[*NEW_TRAINING, kept], resumed]
+    assert training.calls == [NEW_TRAINING, resumed]
     assert trainings.seconds(command) > first  # both runs are counted
     trainings.run(command)
     assert len(training.calls) == 2
@@ -324,6 +324,11 @@ def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(in
         ("keyframes", "images", "is 'images', but must be one of: frames, keyframes"),
         ("{policy}", "theirs", "trains 'theirs', but must train 'mine'"),
         ("type: STATE, ", "", r"is not a recipe.*type"),
+        (
+            "left_wrist",
+            "overhead",
+            r"is 'observation\.images\.overhead', but must be one of: .*images\.front_depth",
+        ),
     ],
 )
 def test_a_file_that_says_too_little_is_refused_by_name(old, new, message, install_recipe):

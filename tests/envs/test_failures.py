@@ -13,6 +13,7 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
 from lerobot_env_bimanual.experts.baselines import play_script
+from lerobot_env_bimanual.experts.plans import demonstrator
 from lerobot_env_bimanual.experts.runner import replanning
 from lerobot_env_bimanual.failures.attribution import Attribution, FailureAttributor, Responsible
 from lerobot_env_bimanual.failures.behaviour import behaviour
@@ -78,6 +79,15 @@ def test_a_planted_error_gets_its_class_and_is_attributed_to_its_arm(task, chang
     (found,) = attributed(task, played(task, change(expert_keyposes(task))))
     assert (found.failure_class, bool(found.event)) == (kind, True), found
     assert (found.last_recoverable, found.responsible) == (index, responsible), found
+
+
+@pytest.mark.parametrize("plan", [0, 1])
+def test_the_expert_that_takes_over_follows_the_plan_that_both_arms_follow(plan):
+    seed = 2_150_005
+    keyposes = expert_keyposes("dual_push_buttons", partial(demonstrator, plan=plan), seed)
+    too_high = shifted(1, LEFT_Z, 0.06)(keyposes)
+    (found,) = attributed("dual_push_buttons", played("dual_push_buttons", too_high, seed))
+    assert (found.last_recoverable, found.responsible) == (25, Responsible.TIME), found
 
 
 @pytest.mark.slow

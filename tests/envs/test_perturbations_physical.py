@@ -8,8 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
+from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player
 from lerobot_env_bimanual.experts.recorder import Recorder
@@ -119,6 +121,17 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     assert outcome == looks_again
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("plan", [0, 1])
+def test_demonstrations_by_a_plan_look_again_after_a_nudge(shared, plan):
+    env, usual = shared("lift_tray", "nudge", 2), shared("lift_tray")
+    (nudged, _), (plain, _) = (
+        Recorder().record(each.task, each.options, 1, 0, plan=plan) for each in (env, usual)
+    )
+    assert nudged.success
+    assert len(nudged.moves) > len(plain.moves)
+
+
 def test_hands_miss_the_first_keypose_reach_the_second_and_the_expert_names_both_as_ever(shared):
     env = shared("push_box", "misses", 2)
     outcome, plain = (run_episode(each, 0, expert()) for each in (env, shared("push_box")))
@@ -155,6 +168,18 @@ def test_friction_changes_every_contact_by_the_same_factor(shared):
     plain, slippery = found
     assert len(plain)
     assert slippery == pytest.approx(plain * AXES.get("friction").levels[-1])
+
+
+def test_a_larger_pan_holds_what_lies_at_its_side(shared):
+    env = shared("sweep_to_dustpan", "size", 3)
+    env.reset(seed=0)
+    pan, box = (
+        env.scene.pose("dustpan"),
+        next(each for each in env.task_definition.spec.success if isinstance(each, Inside)),
+    )
+    for x_m, is_inside in ((0.1375, True), (0.14, False)):
+        env.scene.place(box.prop, Pose(pan.apply((x_m, 0.0, 0.02)), pan.quat_wxyz))
+        assert box(env.scene) == is_inside
 
 
 def test_size_changes_extents_and_moments_of_what_moves_freely_and_nothing_else(shared):

@@ -105,7 +105,11 @@ MISTAKES = [
     (eval_program, "", "--policy.path=FOLDER is missing"),
     (eval_program, "--policy.path=nowhere", "no checkpoint at nowhere"),
     (eval_program, "--policy.path=lerobot/act", "act is no folder, and on the Hub nothing can check it"),
-    (eval_program, f"{TRAINED} --env.image_size 3", "image_size is 3, but must be 8 to 4096"),
+    (
+        eval_program,
+        f"{TRAINED} --eval.batch_size=0 --env.image_size 3",
+        "image_size is 3, but must be 8 to 4096",
+    ),
     (eval_program, f"{TRAINED} --env.task=lift_bal", "Did you mean 'lift_ball'?"),
     (eval_program, f"{TRAINED} --env.task=lift_ball --env.variation=9", "variation of lift_ball is '9'"),
     (eval_program, f"{TRAINED} --eval.n_episodes=0", "an integer of at least 1"),

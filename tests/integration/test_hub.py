@@ -52,8 +52,9 @@ def test_the_dataset_is_uploaded_in_one_commit_and_tagged(api, dataset) -> None:
     assert f"# {REPO_ID}" in card.text
 
 
-def test_a_branch_gets_no_tag(api, dataset) -> None:
+def test_a_branch_gets_no_tag(api, dataset, capsys) -> None:
     assert push(dataset, REPO_ID, "--branch=draft") == 0
+    assert f"--dataset.repo_id={REPO_ID} --dataset.revision=draft" in capsys.readouterr().err
     assert [name for name, *_ in api.method_calls] == ["create_repo", "create_branch", "upload_folder"]
     assert api.upload_folder.call_args.kwargs["revision"] == "draft"
 

@@ -7,6 +7,7 @@ import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.policies.factory import get_policy_class
+from lerobot.utils.feature_utils import dataset_to_policy_features
 from sample_results import provenance
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
@@ -153,6 +154,19 @@ def test_a_batch_of_rows_is_completed_with_the_calibration_of_all_rows(make_poli
     policy.dataset_features = {}
     with pytest.raises(BadObservation, match=schema.CAMERA_EXTRINSICS):
         policy(rows | {schema.WRIST_EXTRINSICS: wrists})
+
+
+def test_a_further_camera_can_be_learned_from_where_the_dataset_has_it(make_policy):
+    meta, config = Meta(["lift"], 16, 16), make_policy(cameras=("front",)).config
+    config.input_features = dataset_to_policy_features(meta.features)
+    config.validate_features()  # as a checkpoint has it
+    config.cameras = ("front", "left_wrist")
+    make, further = get_policy_class(config.type), schema.depth_key("left_wrist")
+    with pytest.raises(
+        DatasetError, match=f"{further} are neither in the dataset nor inputs of the checkpoint"
+    ):
+        make(config)
+    assert further in make(config, dataset_meta=meta).config.input_features
 
 
 def test_datasets_of_joint_actions_are_refused():

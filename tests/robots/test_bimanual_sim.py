@@ -93,6 +93,14 @@ def test_sending_both_hands_home_begins_the_next_episode(make_robot):
     assert robot.env.state_hash() == beginning
 
 
+def test_arms_brought_back_to_where_a_perturbation_had_them_begin_the_next_episode(make_robot):
+    robot = make_robot(seed=7, perturb="start_posture:1")
+    found = {name: value for name, value in robot.get_observation().items() if name.endswith(".pos")}
+    for sent in (home(4 * AWAY_RAD), found):
+        robot.send_action(sent)
+    assert (robot.env.progress.seed, robot.env.progress.ticks) == (8, 0)
+
+
 def test_an_episode_that_is_over_stands_still_and_time_alone_ends_none(make_robot):
     robot = make_robot()
     robot.env.progress.ticks = 10 * robot.env.task_definition.spec.horizon_ticks

@@ -93,10 +93,9 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     if any(view.remark for view in views):
         return NOT_REPLAYED
     for view in views:
-        settings = view.provenance.settings if view.provenance and view.provenance.view == "keyframes" else {}
-        if settings and settings.get("depth") is not False and "peract2" in entries(GROUP):
+        if view.provenance and view.provenance.is_for_keypose_policies and "peract2" in entries(GROUP):
             recipe = Recipe.find("peract2", "small").file
-            repo_id = settings.get("repo_id", f"local/{view.root.name}")
+            repo_id = view.provenance.settings.get("repo_id", f"local/{view.root.name}")
             flags = (f"--config_path={recipe}", f"--dataset.repo_id={repo_id}", f"--dataset.root={view.root}")
             show_next("lerobot-bimanual-train", *flags, "--output_dir=outputs/peract2")
     return PASSED

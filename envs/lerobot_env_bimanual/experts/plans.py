@@ -11,7 +11,7 @@ from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
-from lerobot_env_bimanual.experts.runner import Move, expert
+from lerobot_env_bimanual.experts.runner import Move, replanning
 from lerobot_env_bimanual.stage import stages_and_targets
 from lerobot_env_bimanual.worlds import CODECS
 
@@ -32,7 +32,7 @@ def keyposes_by(env: BimanualEnv, plan: int) -> list[BimanualKeypose]:
 
 
 def demonstrator(env: BimanualEnv, plan: int, codec: KeyposeCodec | None = None) -> Iterator[Move]:
-    """The expert by the plan of this number, right after the reset; `codec` as in `expert`.
+    """The expert by the plan of this number, as `replanning`, right after the reset; `codec` as in `expert`.
 
     Raises:
         InvalidChoice: the task has no such plan.
@@ -42,4 +42,4 @@ def demonstrator(env: BimanualEnv, plan: int, codec: KeyposeCodec | None = None)
         raise InvalidChoice("plan", plan, map(str, range(count)))
     if infeasible := infeasible_plan(env):
         raise PlacementFailure(infeasible)
-    yield from expert(codec, plan)(env)
+    yield from replanning(codec, plan)(env)

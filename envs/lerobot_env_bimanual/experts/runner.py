@@ -64,12 +64,12 @@ def expert(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
     return play
 
 
-def replanning(codec: KeyposeCodec | None = None) -> Player:
+def replanning(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
     """As `expert`, started again from the present scene each time that an axis of perturbation has moved things.
 
     Where none does, it is the expert.
     """
-    script = expert(codec)
+    script = expert(codec, plan)
 
     def play(env: BimanualEnv) -> Iterator[Move]:
         while True:

@@ -4,7 +4,7 @@ The first choice of an arm is its keypose at the index from which on the plans s
 place is nearest. Scenes that do not allow all plans leave nothing to choose.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -33,18 +33,24 @@ class FirstChoices:
         None where the scene does not allow all plans, or an arm did not come to choose.
         """
         self._env.reset(seed=episode.seed, options={"variation": episode.variation})
-        actions = [each for each in recorded_actions(episode) if each.size == KEYPOSE_DIM]
-        left, right = plans_of_arms(self._env, [each for each in actions if np.isfinite(each).all()])
+        left, right = plans_of_arms(self._env, recorded_actions(episode))
         if left is None or right is None or infeasible_plan(self._env):
             return None
         return {"seed": episode.seed, "success": episode.success, "left_plan": left, "right_plan": right}
 
 
-def plans_of_arms(env: BimanualEnv, actions: Sequence[NDArray[np.float32]]) -> list[int | None]:
-    """Number of the plan that left and right arm follow at first, by keyposes (18,); None of an arm that comes to no choice."""
+def common_plan(env: BimanualEnv, episode: Episode) -> int:
+    """Number of the plan that both arms follow at first, right after the reset; 0 if they differ or not all can be done."""
+    left, right = plans_of_arms(env, recorded_actions(episode))
+    return left if left and left == right and not infeasible_plan(env) else 0
+
+
+def plans_of_arms(env: BimanualEnv, actions: Iterable[NDArray[np.float32]]) -> list[int | None]:
+    """Number of the plan that left and right arm follow at first, by what is a keypose; None of an arm that comes to no choice."""
+    chosen_keyposes = [each for each in actions if each.size == KEYPOSE_DIM and np.isfinite(each).all()]
     plans = [keyposes_by(env, plan) for plan in range(len(env.task_definition.spec.plans))]
     followed: list[int | None] = [None, None]
-    for action, *keyposes in zip(actions, *plans, strict=False):
+    for action, *keyposes in zip(chosen_keyposes, *plans, strict=False):
         for arm, chosen in zip(ARMS, action.reshape(len(ARMS), ARM_KEYPOSE_DIM), strict=True):
             places_m = np.array([keypose[arm].pose.position for keypose in keyposes])
             if followed[arm.ordinal] is None and np.ptp(places_m, axis=0).max() > MIN_APART_M:

@@ -5,6 +5,8 @@ over with both arms: it plays the keyposes of its own episode of the same seed, 
 time. The last keypose before which that succeeds is the one that lost the episode. Then the half of one arm alone is
 replaced at this keypose, before the expert goes on with both.
 
+Where both arms follow another plan of the task at first, the expert follows that one.
+
 Under perturbations that move bodies after the start, the replanning expert takes over. It needs one keypose more, so a
 policy that does without it may be saved one keypose later than it was lost.
 """
@@ -23,6 +25,7 @@ from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import replanning
+from lerobot_env_bimanual.failures.agreement import common_plan
 from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
@@ -109,7 +112,7 @@ class FailureAttributor:
     def _classified(self, episode: Episode) -> tuple[FailureClass, str, list[Any], bool]:
         """Class and event of a failed episode, its states, and whether the expert solves it."""
         self._reset(episode, self._expert_env)
-        moves = replanning()(self._expert_env)
+        moves = replanning(plan=common_plan(self._expert_env, episode))(self._expert_env)
         self._expert, _, expert_events = self._play(self._expert_env, (move.action for move in moves))
         expert_solves = self._expert_env.progress.succeeded
         self._reset(episode, self._env)

@@ -124,10 +124,11 @@ def _enlarge(model: mujoco.MjSpec, magnitude: float) -> None:
 
 
 def _lift_enlarged(start: Start) -> None:
-    """Lift what would stick in its support: heights above what does not move freely are scaled, too."""
+    """Lift what would stick in its support: heights above what does not move freely are scaled, too, and boxes of conditions."""
     scene = start.scene
     for root in free_roots(scene.model):
         name = scene.model.body(root).name
+        scene.scales[name] = start.magnitude
         pose = scene.pose(name)
         scene.place(name, pose.translated((0, 0, (start.magnitude - 1) * _height_above_support(scene, pose))))
 

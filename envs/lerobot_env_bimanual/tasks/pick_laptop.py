@@ -1,7 +1,7 @@
 """Pick up the laptop.
 
 A laptop that lies flat on a block offers no gripper a hold until it overhangs. The paper grants this task to one arm,
-and either one can push and grasp in turn (docs/tasks.md); here one hand pushes an edge between the waiting fingers of
+and either one can push and grasp in turn (docs/environment.md); here one hand pushes an edge between the waiting fingers of
 the other.
 
 Departures from the original: the laptop must be between the fingers of one hand while it is at 1.00 m or higher; the

@@ -1,7 +1,7 @@
 """Put the item in the bottom, middle or top drawer.
 
 The paper asks that the item be placed inside the drawer, and not that two arms be needed: the left one alone does all
-in turn, in twice the time (docs/tasks.md). Here the left hand pulls the drawer open while the right hand picks the
+in turn (docs/environment.md). Here the left hand pulls the drawer open while the right hand picks the
 item up from the cabinet's top, and holds it over the drawer as soon as that is open.
 
 Departures from the original: the item must lie inside the drawer with no arm touching it; the original is satisfied

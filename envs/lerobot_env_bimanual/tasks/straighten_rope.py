@@ -1,17 +1,18 @@
 """Straighten the rope.
 
 The paper asks for both ends in their areas. Both are held and pulled apart at the same time. The rope is springy: an end
-that is let go of returns to where the curled rope has it, at least 5 cm from where it has to be.
+that is let go of returns to where the curled rope has it, so both have to be held while it counts.
 
 Departures from the original: the rope springs back to the shape in which it was laid down; there it lies still
 where it is left, and one arm could put down one end after the other. The middle of each end must lie in the original's
 area over its plate; there it is enough that any part of the end touches the area. The rope is 15 mm instead of 10 mm
 thick and its ends are knots of 24 mm: fingers that come down a voxel too high close on nothing at a thin rope's
 end. Ends and plates have matching colours, blue for the tail and red for the head; the original's plates are both
-green. Both ends are held while it counts, as in the original.
+green.
 
 In the setting `varied` seven numbers decide: the plates' place, direction and distance, which is that of a rope 35 to 41 cm long,
-and how the rope is shifted and turned from where it lies between them.
+and how the rope is shifted and turned from where it lies between them. One end may lie on its plate at the start, and leaves it as
+the other one is pulled.
 """
 
 from collections.abc import Iterator

@@ -1,6 +1,6 @@
 """Take the tray out of the oven.
 
-The paper grants this task to one arm, and the right one alone does all in turn (docs/tasks.md). Here the right hand
+The paper grants this task to one arm, and the right one alone does all in turn (docs/environment.md). Here the right hand
 opens the door and makes way, while the left one already waits where it reaches in and takes the tray.
 
 Departures from the original: every point of the tray must be above the oven's top while both fingers of one hand hold

@@ -38,6 +38,7 @@ class SceneView:
         arm_of_body: (nbody,) number of the arm that each body belongs to; -1 for the room and props.
         appearance: how it looks where that differs from the model, and where its cameras are.
         joint_qpos: (2, 7) places of the arms' joints in `data.qpos`.
+        scales: by how much bodies are larger than their prop says, by name; 1 for those that are not there.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class SceneView:
         bases = [model.body_rootid == model.body(arm_pair.base_body(arm)).id for arm in ARMS]
         self.arm_of_body = np.select(bases, [arm.ordinal for arm in ARMS], -1)
         self.appearance = NOMINAL
+        self.scales: dict[str, float] = {}
         self._commanded = commanded
         self._geoms_of: dict[str | tuple[str, ...], NDArray[np.bool_]] = {}
         joints = [[model.joint(name) for name in arm_pair.joint_names(arm)] for arm in ARMS]

@@ -199,8 +199,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
         missing = [key for key in self.observation_keys if key not in known]
         if missing:
             raise DatasetError(
-                f"policy inputs {', '.join(missing)} are not in the dataset. Record RGB-D data with "
-                "`lerobot-bimanual dataset generate`, or choose cameras with --policy.cameras"
+                f"policy inputs {', '.join(missing)} are neither in the dataset nor inputs of the checkpoint. Record RGB-D data "
+                "with `lerobot-bimanual dataset generate`, or choose cameras with --policy.cameras"
             )
         self.input_features = {key: known[key] for key in self.observation_keys}
 

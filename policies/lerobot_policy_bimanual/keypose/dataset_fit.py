@@ -84,15 +84,15 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
         stored = {
             key: each
             for key, each in dataset_to_policy_features(meta.features).items()
-            if key in before and each.type is FeatureType.VISUAL
+            if key in config.observation_keys and each.type is FeatureType.VISUAL
         }
-        for key, feature in stored.items():
-            if (here := tuple(feature.shape)) != (trained := tuple(before[key].shape)):
+        for key in sorted(stored.keys() & before.keys()):
+            if (here := tuple(stored[key].shape)) != (trained := tuple(before[key].shape)):
                 _log.warning(
                     f"images of this dataset differ from those of the policy's training: {key} is {here}, not {trained}"
                 )
                 break  # the others differ likewise
-        config.input_features = before | stored
+        config.input_features = before and before | stored  # a further camera is one more part of the cloud
     most = CODE_HORIZON - 1 if stats is None else np.max(stats.get(KEYPOSE_STEP, {}).get("max", np.nan))
     if not config.use_keypose_step:
         pass

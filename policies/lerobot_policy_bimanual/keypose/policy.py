@@ -66,8 +66,8 @@ class KeyposePolicy(PreTrainedPolicy):
         **kwargs: Any,
     ):
         super().__init__(config)
-        config.validate_features()
         fit_config(config, dataset_meta, dataset_stats)
+        config.validate_features()
         self.dataset_features: Mapping[str, Any] = {} if dataset_meta is None else dataset_meta.features
         self.codec = config.codec
         self.language = _make_language(config)
