@@ -17,6 +17,12 @@ from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 
+OPTIONS_OF_LEROBOT = (
+    *("type", "task", "fps", "max_parallel_tasks"),
+    *("features", "features_map", "disable_env_checker"),
+)
+"""Fields of its `EnvConfig`, which takes as long to import as a mistake should not take to be told."""
+
 logger = logging.getLogger(__name__)
 
 
@@ -41,8 +47,13 @@ def _check(values: Mapping[str, str]) -> None:
     if values.get("env.type") == "bimanual":
         from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
-        texts = {each.name: values.get(f"env.{each.name}") for each in fields(EnvOptions)}
-        parse_flags(EnvOptions, [f"--{name}={text}" for name, text in texts.items() if text is not None])
+        texts = {name.removeprefix("env."): text for name, text in values.items() if name.startswith("env.")}
+        ours = [each.name for each in fields(EnvOptions)]
+        known = [*ours, *OPTIONS_OF_LEROBOT]
+        for name in texts:
+            if name.partition(".")[0] not in known:
+                raise InvalidChoice("flag", f"--env.{name}", [f"--env.{each}" for each in known])
+        parse_flags(EnvOptions, [f"--{name}={text}" for name, text in texts.items() if name in ours])
         for task in resolve_tasks(values.get("env.task", "push_box")):
             get_task(task).spec.variation_index(values.get("env.variation", ANY_VARIATION))
 

@@ -98,6 +98,6 @@ def test_a_diagnosis_says_how_often_both_arms_follow_one_plan_in_scenes_that_all
     record.write(path := tmp_path / "record.json")
     output = tmp_path / "found.json"
     assert results_diagnose(ResultsDiagnoseConfig(results=path, output=output, workers=1)) == 0
-    assert re.search(r"record +2/3 \(.*\) +2 +0, 0: 1; (0, 1|1, 0): 1; 1, 1: 1\n", capsys.readouterr().out)
+    assert re.search(r"record +2/3 \(.*\) +2 +0 +0, 0: 1; (0, 1|1, 0): 1; 1, 1: 1\n", capsys.readouterr().out)
     choices = json.loads(output.read_text())["first_choices"]
     assert [one["seed"] for one in choices] == allowing[:3]

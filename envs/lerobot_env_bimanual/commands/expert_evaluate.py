@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from lerobot_bimanual.errors import InvalidChoice, check_range
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, check_range
 from lerobot_bimanual.files import check_output_file, check_output_folder
 from lerobot_bimanual.results.expert_report import ExpertReport, PlayerName
 from lerobot_bimanual.terminal import show_next
@@ -113,7 +113,9 @@ def _check(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> None:
         raise InvalidChoice("axes", config.axes, "given with --levels, such as --axes=mass or --axes=all")
     if config.axes:
         if config.output is None:
-            raise InvalidChoice("output with --axes", None, ["a folder for one report per task"])
+            raise BimanualError(
+                "--axes needs --output=FOLDER, where each task gets a report, as in --output=outputs/perturbed"
+            )
         for name in ("player", "plan", "variation", "setting", "perturb", "discretise", "replay"):
             if (value := getattr(config, name)) != (usual := getattr(ExpertEvaluateConfig, name)):
                 raise InvalidChoice(f"{name} with --axes", value, [repr(usual)])

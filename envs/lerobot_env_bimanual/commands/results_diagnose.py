@@ -146,9 +146,13 @@ def _print_agreement(choices: Sequence[Mapping[str, Any]]) -> None:
 
     rows: list[dict[str, Any]] = []
     for name, group in pd.DataFrame(choices).groupby("result", sort=False):
-        agree = SuccessRate(int((group.left_plan == group.right_plan).sum()), len(group))
+        is_one = group.left_plan == group.right_plan
+        agree = SuccessRate(int(is_one.sum()), len(group))
         pairs = group.value_counts(["left_plan", "right_plan"], sort=False).to_dict().items()
         counts = "; ".join(f"{left}, {right}: {count}" for (left, right), count in pairs)
-        solved = group.success.sum()
-        rows.append({"result": name, "both arms agree": agree, "solved": solved, "left, right plan": counts})
+        solved = {
+            "of these solved": group.success[is_one].sum(),
+            "of the others": group.success[~is_one].sum(),
+        }
+        rows.append({"result": name, "both arms agree": agree, **solved, "left, right plan": counts})
     print_table(pd.DataFrame(rows), "First choices where all plans are possible:")
