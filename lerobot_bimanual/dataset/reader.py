@@ -32,6 +32,10 @@ MAX_TABLE_BYTES = 2**31
 
 IMAGE_TYPES = ("video", "image")
 EPISODE_INDEX = "episode_index"
+TASKS_FILE = Path("meta", "tasks.parquet")
+PLACES = {"timestamp": pa.float32()} | dict.fromkeys(("frame_index", "index", "task_index"), pa.int64())
+"""LeRobot's own columns, by which it finds a row's images, the rows before and after it, and its sentence."""
+TIMESTAMP_TOLERANCE_S = 1e-4  # LeRobot's
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,8 @@ class RecordedDataset:
         self.cameras = tuple(key.removeprefix(schema.IMAGE_PREFIX) for key in colours)
         self.calibration = Calibration.of_features(features)
         self.provenance = Provenance.of_dataset(self.root)
-        columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index"]
+        bounds = ("dataset_from_index", "dataset_to_index")
+        columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index", *bounds]
         self._index, self._types = episode_table(self.root, columns), column_types(features)
 
     def __len__(self) -> int:
@@ -95,7 +100,8 @@ class RecordedDataset:
         """Read one episode.
 
         Raises:
-            DatasetError: there is no such episode, or its entry or its file is damaged.
+            DatasetError: there is no such episode, its entry or its file is damaged, or LeRobot would find other rows, images or
+                sentences by them.
         """
         if not 0 <= index < len(self):
             raise DatasetError(f"{self.root} has episodes 0 to {len(self) - 1}, but not {index}")
@@ -103,11 +109,16 @@ class RecordedDataset:
         if not (isinstance(tasks := entry["tasks"], list) and len(tasks) == 1):
             raise DatasetError(f"meta/episodes gives episode {index} the tasks {tasks}, not one sentence")
         path = stored_file(self.root, entry, "data")
-        table = read_table(path, columns=[*self._types], filters=[(EPISODE_INDEX, "=", index)])
+        table = read_table(path, columns=[*self._types, *PLACES], filters=[(EPISODE_INDEX, "=", index)])
         if table.num_rows != entry["length"] or not table.num_rows:
             raise DatasetError(
                 f"episode {index} of {self.root} has {table.num_rows} rows in {path.name}, but its metadata says "
                 f"{entry['length']}: the dataset is incomplete, generate it again"
+            )
+        if wrong := self._misplaced(index, entry, table):
+            raise DatasetError(
+                f"{', '.join(wrong)} of episode {index} of {self.root} lead LeRobot to other rows, images or sentences: generate "
+                "the dataset again"
             )
         arrays = {key: _to_numpy(table, key, kind, path) for key, kind in self._types.items()}
         meta = EpisodeMeta(
@@ -118,6 +129,25 @@ class RecordedDataset:
             instruction=str(tasks[0]),
         )
         return RecordedEpisode(index, meta, arrays)
+
+    def _misplaced(self, index: int, entry: dict[str, Any], table: pa.Table) -> list[str]:
+        """Names of what LeRobot finds the rows of an episode by, and does not agree with them."""
+        path, rows = self.root / TASKS_FILE, np.arange(table.num_rows)
+        places = [_to_numpy(table, name, kind, path) for name, kind in PLACES.items()]
+        timestamp_s, frame_index, position, task_index = places
+        first = sum(self._index["length"].slice(0, index).to_pylist())
+        sentences = read_table(path, columns=["task_index", "task"])
+        told = dict(zip(*(sentences[name].to_pylist() for name in ("task_index", "task")), strict=True))
+        late_s = np.abs(timestamp_s - rows / self.info["fps"])
+        is_right = {
+            "timestamp": (late_s < TIMESTAMP_TOLERANCE_S).all(),
+            "frame_index": np.array_equal(frame_index, rows),
+            "index": np.array_equal(position, first + rows),
+            "task_index": [told.get(number) for number in np.unique(task_index)] == entry["tasks"],
+            "dataset_from_index": entry["dataset_from_index"] == first,
+            "dataset_to_index": entry["dataset_to_index"] == first + len(rows),
+        }
+        return [name for name, right in is_right.items() if not right]
 
     def episodes(self) -> Iterator[RecordedEpisode]:
         """Read all episodes, one after the other."""

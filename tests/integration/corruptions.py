@@ -96,6 +96,20 @@ def video_replaced_by(other: str) -> Change:
     return lambda root: shutil.copyfile(root / other, root / VIDEO)
 
 
+def another_sentence(root: Path) -> None:
+    """Another instruction, wherever LeRobot's tools look for it."""
+    for path in (ENTRIES, "meta/tasks.parquet"):
+        told = pq.read_table(root / path)
+        key = "tasks" if path == ENTRIES else "task"
+        values = [["drop it"] if path == ENTRIES else "drop it"] * len(told)
+        told = told.set_column(
+            told.column_names.index(key),
+            told.schema.field(key),
+            pa.array(values, told.schema.field(key).type),
+        )
+        pq.write_table(told, root / path)
+
+
 def pixels(key: str, change: Callable[[np.ndarray], np.ndarray], rows: slice = slice(None)) -> Change:
     """Changes images of the view `keyframes`."""
 
@@ -166,12 +180,18 @@ def png(width: int, height: int) -> bytes:
 
 CORRUPTIONS = (
     Corruption("a feature is missing", "readable", info(lambda i: i["features"].pop("tick"))),
+    Corruption("an image of later", "readable", column("timestamp", lambda value: value + 0.5, [0])),
+    Corruption("a row's number", "readable", column("frame_index", lambda value: value + 1, [0])),
+    Corruption("a row's place", "readable", column("index", lambda value: value + 3, [0])),
+    Corruption("another sentence's number", "readable", column("task_index", lambda value: value + 1)),
+    Corruption("an episode's place", "readable", entry("dataset_from_index", lambda value: value + 1)),
+    Corruption("an episode's end", "readable", entry("dataset_to_index", lambda value: value + 1)),
     Corruption("a row twice", "readable", table(lambda t: pa.concat_tables([t, t.slice(len(t) - 1)]))),
     Corruption("rounded keyposes", "replay", provenance(lambda p: p["settings"].update(discretise=100))),
     Corruption("a column is missing", "readable", table(lambda t: t.drop_columns([schema.SEED]))),
     Corruption("an empty cell", "readable", column(schema.TICK, lambda _: None, [2])),
     Corruption("another seed in a row", "replay", column(schema.SEED, lambda _: 77, [3])),
-    Corruption("another sentence", "replay", entry("tasks", lambda _: ["drop it"])),
+    Corruption("another sentence", "replay", another_sentence),
     Corruption("one state hash", "replay", column(schema.STATE_HASH, lambda v: v ^ 1, [2])),
     Corruption("one tick", "replay", column(schema.TICK, lambda v: v + 1, [-1])),
     Corruption("one action by 1e-6", "replay", column(schema.ACTION, plus(1e-6), [2])),

@@ -222,10 +222,15 @@ def check_training(cfg: TrainPipelineConfig) -> None:
         check_checkpoint(Path(path))
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
-    if cfg.dataset.streaming or cfg.dataset.image_transforms.enable:
+    if cfg.dataset.streaming:
         raise DatasetError(
-            "rows that are decoded once can be neither streamed nor transformed at random: leave out "
-            "--dataset.streaming and --dataset.image_transforms.enable, or use `lerobot-train`"
+            "rows that are decoded once cannot be streamed: leave out --dataset.streaming, or use `lerobot-train`"
+        )
+    if cfg.dataset.image_transforms.enable:
+        raise DatasetError(
+            "images that are decoded once cannot be transformed at random: leave out --dataset.image_transforms.enable. "
+            "`lerobot-train` takes it, but its transform `affine` moves colours beside their depth: for a keypose policy "
+            "give --dataset.image_transforms.tfs without it"
         )
     if cfg.dataset.depth_output_unit != DEPTH_MILLIMETER_UNIT:
         raise DatasetError(
