@@ -19,9 +19,9 @@ from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 
 OPTIONS_OF_LEROBOT = (
     *("type", "task", "fps", "max_parallel_tasks"),
-    *("features", "features_map", "disable_env_checker"),
+    *("features", "features_map", "disable_env_checker", "discover_packages_path"),
 )
-"""Fields of its `EnvConfig`, which takes as long to import as a mistake should not take to be told."""
+"""What its command line takes for any environment, listed here because importing it takes half a minute."""
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ import re
 import signal
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 
 import draccus
@@ -28,6 +28,7 @@ from lerobot_env_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.conditions import AtRest
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
+from lerobot_env_bimanual.eval_program import OPTIONS_OF_LEROBOT
 from lerobot_env_bimanual.tasks.lift_ball import LiftBall
 from lerobot_env_bimanual.tasks.registry import list_suites
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
@@ -229,6 +230,10 @@ def test_the_declared_action_follows_the_control_mode(mode, length):
     config = BimanualEnvConfig(control_mode=mode)
     assert config.features[schema.ACTION].shape == (length,)
     assert BimanualEnv("push_box", **config.gym_kwargs).action_space.shape == (length,)
+
+
+def test_the_checks_of_flags_know_all_options_of_lerobots_environments():
+    assert {each.name for each in fields(EnvConfig)} <= {*OPTIONS_OF_LEROBOT}
 
 
 def test_joint_actions_are_rounded_for_small_results_and_keyposes_are_not():
