@@ -91,6 +91,7 @@ class RecordedDataset:
         bounds = ("dataset_from_index", "dataset_to_index")
         columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index", *bounds]
         self._index, self._types = episode_table(self.root, columns), column_types(features)
+        self._ends = np.cumsum(_to_numpy(self._index, "length", pa.int64(), self.root / "meta/episodes"))
 
     def __len__(self) -> int:
         """Number of episodes."""
@@ -115,7 +116,7 @@ class RecordedDataset:
                 f"episode {index} of {self.root} has {table.num_rows} rows in {path.name}, but its metadata says "
                 f"{entry['length']}: the dataset is incomplete, generate it again"
             )
-        if wrong := self._misplaced(index, entry, table):
+        if wrong := self._misplaced(index, entry, table, path):
             raise DatasetError(
                 f"{', '.join(wrong)} of episode {index} of {self.root} lead LeRobot to other rows, images or sentences: generate "
                 "the dataset again"
@@ -130,22 +131,20 @@ class RecordedDataset:
         )
         return RecordedEpisode(index, meta, arrays)
 
-    def _misplaced(self, index: int, entry: dict[str, Any], table: pa.Table) -> list[str]:
-        """Names of what LeRobot finds the rows of an episode by, and does not agree with them."""
-        path, rows = self.root / TASKS_FILE, np.arange(table.num_rows)
+    def _misplaced(self, index: int, entry: dict[str, Any], table: pa.Table, path: Path) -> list[str]:
+        """Names of what LeRobot finds the rows of an episode, in this file, by, and does not agree with them."""
+        rows, first = np.arange(table.num_rows), self._ends[index] - table.num_rows
         places = [_to_numpy(table, name, kind, path) for name, kind in PLACES.items()]
         timestamp_s, frame_index, position, task_index = places
-        first = sum(self._index["length"].slice(0, index).to_pylist())
-        sentences = read_table(path, columns=["task_index", "task"])
-        told = dict(zip(*(sentences[name].to_pylist() for name in ("task_index", "task")), strict=True))
         late_s = np.abs(timestamp_s - rows / self.info["fps"])
+        told = _sentences(self.root / TASKS_FILE)
         is_right = {
             "timestamp": (late_s < TIMESTAMP_TOLERANCE_S).all(),
             "frame_index": np.array_equal(frame_index, rows),
             "index": np.array_equal(position, first + rows),
             "task_index": [told.get(number) for number in np.unique(task_index)] == entry["tasks"],
             "dataset_from_index": entry["dataset_from_index"] == first,
-            "dataset_to_index": entry["dataset_to_index"] == first + len(rows),
+            "dataset_to_index": entry["dataset_to_index"] == self._ends[index],
         }
         return [name for name, right in is_right.items() if not right]
 
@@ -262,6 +261,12 @@ def read_table(path: Path, **options: Any) -> pa.Table:
     if missing := [name for name in options.get("columns") or () if name not in table.column_names]:
         raise DatasetError(f"{path} lacks the columns {', '.join(missing)}")
     return table
+
+
+def _sentences(path: Path) -> dict[int, str]:
+    """LeRobot's table of sentences by their numbers; one that is damaged is a DatasetError."""
+    table = read_table(path, columns=["task_index", "task"])
+    return dict(zip(_to_numpy(table, "task_index", pa.int64(), path), table["task"].to_pylist(), strict=True))
 
 
 def _to_numpy(table: pa.Table, key: str, kind: pa.DataType, path: Path) -> NDArray:

@@ -69,9 +69,9 @@ class BimanualSim(Robot):
     states, bit for bit. Bad values are dealt with as in the environment's mode `auto`: targets outside the joint
     limits are clipped, a NaN raises.
 
-    **The next episode begins when both hands are sent home**, or to where they began, after one of them has left it. That is what LeRobot does by
-    itself between the episodes of `lerobot-rollout --strategy.type=episodic`, and what a person does in the reset phase of
-    `lerobot-record`. An episode that is solved stands still until then.
+    **The next episode begins when both hands are sent home**, or to where they began, after one of them has left it. That
+    is what LeRobot does by itself between the episodes of `lerobot-rollout --strategy.type=episodic`, and what a person does
+    in the reset phase of `lerobot-record`. An episode that is solved stands still until then.
 
     Attributes:
         config: what was chosen.

@@ -27,6 +27,7 @@ from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.joint_action import CONTROL_HZ
 
 ROWS, ENTRIES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
+TASKS = "meta/tasks.parquet"
 FRONT, WRIST = schema.image_key("front"), schema.image_key("left_wrist")
 FRONT_DEPTH = schema.depth_key("front")
 VIDEO = f"videos/{FRONT}/chunk-000/file-000.mp4"
@@ -98,16 +99,11 @@ def video_replaced_by(other: str) -> Change:
 
 def another_sentence(root: Path) -> None:
     """Another instruction, wherever LeRobot's tools look for it."""
-    for path in (ENTRIES, "meta/tasks.parquet"):
+    for path, key, value in ((ENTRIES, "tasks", ["drop it"]), (TASKS, "task", "drop it")):
         told = pq.read_table(root / path)
-        key = "tasks" if path == ENTRIES else "task"
-        values = [["drop it"] if path == ENTRIES else "drop it"] * len(told)
-        told = told.set_column(
-            told.column_names.index(key),
-            told.schema.field(key),
-            pa.array(values, told.schema.field(key).type),
-        )
-        pq.write_table(told, root / path)
+        field = told.schema.field(key)
+        values = pa.array([value] * len(told), field.type)
+        pq.write_table(told.set_column(told.column_names.index(key), field, values), root / path)
 
 
 def pixels(key: str, change: Callable[[np.ndarray], np.ndarray], rows: slice = slice(None)) -> Change:
@@ -186,6 +182,7 @@ CORRUPTIONS = (
     Corruption("another sentence's number", "readable", column("task_index", lambda value: value + 1)),
     Corruption("an episode's place", "readable", entry("dataset_from_index", lambda value: value + 1)),
     Corruption("an episode's end", "readable", entry("dataset_to_index", lambda value: value + 1)),
+    Corruption("an episode without a length", "readable", entry("length", lambda _: None)),
     Corruption("a row twice", "readable", table(lambda t: pa.concat_tables([t, t.slice(len(t) - 1)]))),
     Corruption("rounded keyposes", "replay", provenance(lambda p: p["settings"].update(discretise=100))),
     Corruption("a column is missing", "readable", table(lambda t: t.drop_columns([schema.SEED]))),
