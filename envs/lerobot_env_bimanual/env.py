@@ -97,7 +97,9 @@ class BimanualEnv(gym.Env):
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
         self.action_lengths, self.action_space = self._actions.lengths, self._actions.space
         self.observation_space = observation_space(self.options)
-        self.perturbations = Perturbations(self.options.perturb, spec, self.options.split)
+        self.perturbations = Perturbations(
+            self.options.perturb, spec, self.options.split, self.options.camera_names
+        )
         self._worlds = Worlds(self.task_definition, self.options, self.perturbations)
         self._progress: EpisodeProgress | None = None
         self._video: VideoWriter | None = None

@@ -1,4 +1,4 @@
-"""Pick up the plate, alone: push it over the table's edge, and pinch what hangs over."""
+"""Pick up the plate, alone: close a half-open hand on the rim; or push it over the table's edge, and pinch what hangs over."""
 
 import math
 from collections.abc import Iterator
@@ -19,14 +19,33 @@ RIM_SLOPE_RAD = np.deg2rad(26.0)
 INSIDE_RIM_M = 0.012
 FINGER_M = 0.0125
 PUSH_Z_M = TABLE_HEIGHT_M + 0.012
+STEEP_RAD, DEEP_M = np.deg2rad(60.0), 0.014
 
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
-    """The pushing hand may be rolled either way round."""
-    return every_choice(_alone, arm=[arm], roll=(1, -1))
+    """The hand may be rolled either way round."""
+    for way in (_where_it_lies, _over_the_edge):
+        yield from every_choice(way, arm=[arm], roll=(1, -1))
 
 
-def _alone(env: BimanualEnv, arm: Arm, roll: int) -> Moves:
+def _where_it_lies(env: BimanualEnv, arm: Arm, roll: int) -> Moves:
+    """Jam the lower finger between table and rim, with more force than a real arm allows itself, and close."""
+    hand, plate = Hand(env, arm), env.scene.pose("plate")
+    away, up = plate.rotation[:, 1], np.array([0.0, 0.0, 1.0])
+    approach = -np.cos(STEEP_RAD) * away - np.sin(STEEP_RAD) * up
+    height_m = PLATE.height_m - DEEP_M * math.tan(RIM_SLOPE_RAD)
+    rim = plate.position + (PLATE.radius_m - DEEP_M) * away + height_m * up
+    grasp = Pose.looking(rim, approach, roll * np.cross(np.cross(up, away), approach))
+    yield from hand.grip(0.5, 1)
+    yield from hand.go(grasp.advanced(-0.12))
+    yield from hand.line(grasp, 0.3)
+    yield from hand.grip(0.0, 12)
+    yield from hand.line(grasp.translated(0.08 * up), 0.3)
+    yield from hand.line(grasp.translated(0.34 * up), 0.5)
+    yield from hand.hold(15)
+
+
+def _over_the_edge(env: BimanualEnv, arm: Arm, roll: int) -> Moves:
     hand, scene = Hand(env, arm), env.scene
 
     def pushing(x: float, y: float) -> Pose:

@@ -13,12 +13,14 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.experts.baselines import make_player
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, free_bodies
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.sweep.conditions import conditions_of
+from lerobot_env_bimanual.worlds import CODECS
 
 PHYSICAL = [name for name in AXES.names if not AXES.get(name).changes_only_observations]
 SEEN = [pytest.param(name, marks=pytest.mark.slow) for name in AXES.names if name not in PHYSICAL]
@@ -89,6 +91,7 @@ def test_an_episode_is_the_same_wherever_and_after_whatever_it_is_played(axis, s
     start = fresh.scene.commanded
     before, copied = hashes(fresh, moves[:7], start), make(task_of(axis), axis)
     copied.restore_state(pickle.loads(pickle.dumps(fresh.save_state())))
+    assert copied.scene.scales == fresh.scene.scales
     after = hashes(copied, moves[7:], start)  # with late commands pending, and before what happens once
 
     env.reset(seed=4)  # another episode, left in the middle
@@ -119,6 +122,16 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     outcome, episode = Recorder().record(env.task, env.options, 0, 0)
     assert episode is not None
     assert outcome == looks_again
+
+
+def test_a_nudge_is_drawn_in_the_scene_that_larger_things_leave():
+    env = BimanualEnv("pick_laptop", obs="state", control_mode="joint", perturb="nudge:3,size:3")
+    env.reset(seed=0)
+    stay = env.scene.commanded
+    while not env.progress.disturbances:
+        env.step(stay)
+    script = env.task_definition.by_plan(env.progress.variation)
+    assert Rehearsal(env.scene, CODECS).infeasibility(script) is None
 
 
 @pytest.mark.slow

@@ -81,16 +81,23 @@ def test_shadows_darken_something_and_leave_depth_alone():
     assert equal(depths(lit), depths(plain))
 
 
-def see(name: str, level: int, rgb: np.ndarray, depth_m: np.ndarray, seed: int = 0) -> dict[str, Any]:
+def see(
+    name: str,
+    level: int,
+    rgb: np.ndarray,
+    depth_m: np.ndarray,
+    seed: int = 0,
+    cameras: tuple[str, ...] = CAMERA_NAMES,
+) -> dict[str, Any]:
     """What an axis makes of an image at each camera, which are pinholes of 45 degrees here."""
     axis: Any = AXES.get(name)
     model = SimpleNamespace(camera=lambda _: SimpleNamespace(fovy=np.array([45.0])))
     world: Any = (SimpleNamespace(model=model), SimpleNamespace(memory={}))
     start, moment = ((axis, axis.levels[level - 1], np.random.default_rng(seed + n), *world) for n in (0, 1))
     if axis.begin:
-        axis.begin(Start(*start, task=None, is_feasible=lambda: True))  # type: ignore[arg-type]
+        axis.begin(Start(*start, task=None, cameras=cameras, is_feasible=lambda: True))  # type: ignore[arg-type]
     image = (rgb, depth_m.astype(np.float32))
-    return {camera: axis.see(Moment(*moment), camera, tuple(map(np.copy, image))) for camera in CAMERA_NAMES}
+    return {camera: axis.see(Moment(*moment), camera, tuple(map(np.copy, image))) for camera in cameras}
 
 
 GREY = np.full((256, 256, 3), 128, np.uint8)
@@ -123,6 +130,15 @@ def test_noise_exposure_and_missing_cameras_are_as_strong_as_their_level_says(le
         assert (len(black), len(whole)) == (level, 5 - level)
         gone |= black
     assert gone == set(CAMERA_NAMES) - {"front"}
+
+
+@pytest.mark.parametrize(
+    ("cameras", "fails"), [(("front",), 0), (("left_wrist",), 0), (("left_wrist", "right_wrist"), 1)]
+)
+def test_of_few_cameras_one_never_fails(cameras, fails):
+    for seed in range(8):
+        shown = see("fewer_cameras", 3, GREY, np.ones((256, 256)), seed, cameras)
+        assert sum(not rgb.any() for rgb, _ in shown.values()) == fails
 
 
 @pytest.mark.parametrize("level", [1, 2, 3])

@@ -176,6 +176,8 @@ def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
     config = PreTrainedConfig.from_pretrained(tmp_path)
+    listed = replace(config, workspace_lower=list(config.workspace_lower))
+    assert type(policy).from_pretrained(tmp_path, config=listed).config.workspace_lower
     others = {"keypose_horizon": 7, "workspace_lower": (0.0, 0.0, 0.0), "heads": 1}
     if policy.name == "rvt_lf":
         others |= {"heatmap_fusion": "product"} if config.fine_stage_zoom == 1 else {"fine_stage_zoom": 3}

@@ -21,7 +21,7 @@ HEADS = 2
 
 
 def tiny_config(**options: Any) -> RVTLFConfig:
-    grid = {"voxel_size": 9, "patch": 3, "channels": 4, "token_dim": 8, "attention_dim": 12, "depth": 4}
+    grid = {"voxel_size": 9, "patch": 3, "channels": 4, "token_dim": 16, "attention_dim": 12, "depth": 4}
     rest = {"heads": HEADS, "feedforward_multiplier": 2, "attention_dropout": 0.0, "language_dim": 6}
     return RVTLFConfig(device="cpu", **grid | rest | options)
 
@@ -112,14 +112,14 @@ def test_network_and_its_gradients_equal_the_written_out_formulation(dilations):
     expected = written_out(parameters, *inputs, dilations=dilations)
     prediction = network(*inputs)
     actual = (prediction.translation.logits[:, 0], pose_logits(prediction)[:, 0])
-    torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-6)
+    # The interpolation weights are kept in float32.
+    torch.testing.assert_close(actual, expected, atol=1e-5, rtol=1e-5)
     probes = [torch.randn_like(each) for each in expected]
     got, want = (
         dict(zip(parameters, torch.autograd.grad(outputs, list(parameters.values()), probes), strict=True))
         for outputs in (actual, expected)
     )
     assert not [name for name, gradient in want.items() if not gradient.any()]
-    # The interpolation weights are kept in float32.
     torch.testing.assert_close(got, want, atol=1e-5, rtol=1e-5)
 
 

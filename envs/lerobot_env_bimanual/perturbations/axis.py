@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
@@ -59,10 +59,12 @@ class Start[Memory](Moment[Memory]):
 
     Attributes:
         task: whose episode it is.
+        cameras: names of those that hand out images.
         is_feasible: rehearses the task's script in the present scene; says whether both arms can do it.
     """
 
     task: Task
+    cameras: Sequence[str]
     is_feasible: Callable[[], bool]
 
 

@@ -1,7 +1,7 @@
 """The chosen axes at their levels, and the streams of randomness from which they draw."""
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,11 +34,15 @@ class Perturbations:
         BimanualError: an axis does not exist, or cannot be loaded.
     """
 
-    def __init__(self, perturb: str, task: TaskSpec, split: str):
-        self._task, self._split = task, split
-        axes: dict[Axis[Any], int] = {AXES.get(name): level for name, level in parse_levels(perturb).items()}
-        self._magnitudes = {axis: axis.levels[level - 1] for axis, level in axes.items()}
-        self.magnitudes = {axis.name: magnitude for axis, magnitude in self._magnitudes.items()}
+    def __init__(self, perturb: str, task: TaskSpec, split: str, cameras: Sequence[str] = CAMERA_NAMES):
+        self._task, self._split, self._cameras = task, split, cameras
+        levels: dict[Axis[Any], int] = {
+            AXES.get(name): level for name, level in parse_levels(perturb).items()
+        }
+        magnitudes = {axis: axis.levels[level - 1] for axis, level in levels.items()}
+        self.magnitudes = {axis.name: magnitude for axis, magnitude in magnitudes.items()}
+        # Bodies first: other axes find out whether the task can be done in the scene that these leave.
+        self._magnitudes = dict(sorted(magnitudes.items(), key=lambda each: each[0].group != "bodies"))
         self.changes_model = any(axis.build for axis in self._magnitudes)
         self.late_ticks = max((axis.late_ticks(each) for axis, each in self._magnitudes.items()), default=0)
 
@@ -70,7 +74,7 @@ class Perturbations:
 
         def start(axis: Axis[Any], hook: str) -> Start[Any]:
             moment = self._moment(axis, hook, scene, progress)
-            return Start(**vars(moment), task=task, is_feasible=is_feasible)
+            return Start(**vars(moment), task=task, cameras=self._cameras, is_feasible=is_feasible)
 
         for axis in self._magnitudes:
             if axis.begin:

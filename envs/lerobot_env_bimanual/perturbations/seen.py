@@ -33,7 +33,7 @@ MAX_DARK = 60
 """At magnitude 1 pixels whose channels are all at most this, of 255, are too dark to be measured."""
 
 ALWAYS_SEEN, *MAY_FAIL = CAMERA_NAMES
-"""A policy that gets no image at all refuses to act, so the first camera, `front`, never fails."""
+"""A policy that gets no image at all refuses to act, so the first camera, `front`, never fails, or, without it, one of the others."""
 
 
 def _move_cameras(start: Start, appearance: Appearance, *, calibrated: bool) -> Appearance:
@@ -126,7 +126,8 @@ def _is_dark(rgb: NDArray[np.uint8], darkest: int) -> NDArray[np.bool_]:
 
 
 def _draw_failing(start: Start[list[str]]) -> None:
-    start.remember(start.rng.permutation(MAY_FAIL).tolist()[: int(start.magnitude)])
+    drawn = [camera for camera in start.rng.permutation(MAY_FAIL).tolist() if camera in start.cameras]
+    start.remember(drawn[: min(int(start.magnitude), len(start.cameras) - 1)])
 
 
 def _black_out(moment: Moment[list[str]], camera: str, image: Image) -> Image:

@@ -45,6 +45,7 @@ class SceneState:
         model_fields: the values of `RESETTABLE_FIELDS`.
         altered: those of altered fields; empty where nothing is altered.
         appearance: how the episode looks.
+        scales: as of `SceneView`.
         ticks: control ticks since the episode started.
         unstable: whether MuJoCo has warned in this episode.
     """
@@ -56,6 +57,7 @@ class SceneState:
     model_fields: tuple[NDArray, ...]
     altered: Mapping[str, NDArray]
     appearance: Appearance
+    scales: Mapping[str, float]
     ticks: int
     unstable: bool
 
@@ -111,6 +113,7 @@ class Scene(SceneView):
             getattr(self.model, field)[:] = pristine
         self._alterations.revert()
         self.appearance = NOMINAL
+        self.scales = {}
         mujoco.mj_resetData(self.model, self.data)
         for arm in ARMS:
             self.data.qpos[self.joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
@@ -254,6 +257,7 @@ class Scene(SceneView):
             model_fields=tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS),
             altered={field: values.copy() for field, values in self._alterations.values().items()},
             appearance=self.appearance,
+            scales=dict(self.scales),
             ticks=self.ticks,
             unstable=self.unstable,
         )
@@ -265,6 +269,7 @@ class Scene(SceneView):
         self._alterations.revert()
         self._alterations.apply(state.altered)
         self.appearance = state.appearance
+        self.scales = dict(state.scales)
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state.physics, FULL_STATE)
         self._commanded = state.commanded.copy()

@@ -53,8 +53,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # the count tells the stage of the task.
     use_keypose_step: bool = True
     # Keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes one more than the
-    # most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it a stronger signal for
-    # short tasks.
+    # most keyposes of any episode in its dataset, also one that `--dataset.episodes` leaves out (PerAct2 code: 25 for all
+    # tasks). Fewer make it a stronger signal for short tasks.
     keypose_horizon: int | None = number(None, 2, 1000, unset=True)
     # `voxel` commands the centre of the most probable voxel (the paper's), `expectation` the mean over the 3x3x3 voxels
     # around it, which voxels of 4 cm need.
@@ -111,7 +111,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
 
     # Tags of the policy's card on the Hub; the default names what to install.
     tags: list[str] | None = field(default_factory=lambda: ["lerobot_policy_bimanual"])
-    trained_instructions: tuple[str, ...] = ()  # those of its dataset, filled in by training
+    trained_instructions: tuple[str, ...] = ()  # all of its dataset, filled in by training
     # Task -> version of the world of its demonstrations, likewise; evaluations say where they play in another one.
     trained_worlds: dict[str, str] = field(default_factory=dict)
 
@@ -151,6 +151,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
             )
         if not divides_circle(self.rotation_bin_deg):
             raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")
+        if self.use_amp:
+            raise BadConfig("use_amp=True has no effect on this policy: leave it out, and set dtype=bfloat16")
         if self.n_obs_steps != 1 or set(self.normalization_mapping.values()) != {NormalizationMode.IDENTITY}:
             raise BadConfig(
                 f"n_obs_steps={self.n_obs_steps} must be 1, and normalization_mapping must be IDENTITY for all: "

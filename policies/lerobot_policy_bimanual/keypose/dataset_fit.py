@@ -42,7 +42,7 @@ def compare_with_checkpoint(config: PreTrainedConfig, trained: PreTrainedConfig,
     """
     for name in DECIDED:
         found, wanted = getattr(config, name, None), getattr(trained, name, None)
-        if found != wanted:
+        if not np.array_equal(found, wanted):  # a list equals a tuple
             raise BadConfig(
                 f"{name} is {found}, but {origin} was trained with {wanted}: leave out --policy.{name}, give the checkpoint by "
                 "--policy.path, which brings its config, or train anew"

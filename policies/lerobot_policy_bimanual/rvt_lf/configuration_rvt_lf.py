@@ -28,7 +28,7 @@ class RVTLFConfig(KeyposePolicyConfig):
     # With `decode=voxel` its place is rounded to voxels of the first.
     fine_stage_zoom: int = number(1, 1, 8)
     # Width of the image tokens outside the attention, half pixels and half proprioception.
-    token_dim: int = number(128, 8, 8192)
+    token_dim: int = number(128, 16, 8192)  # each half is normalised in four groups of at least two
     # Width of the tokens within it.
     attention_dim: int = number(512, 1, 8192)
     # Attention blocks; the first half within each view, the second half over all of them.
