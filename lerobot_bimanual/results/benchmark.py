@@ -141,10 +141,17 @@ class Demonstrations(Record):
 
 
 class Machine(Record):
-    """Machine on which a policy was trained: the cores that the training could use, and the first GPU's name if it did."""
+    """Machine on which a policy was trained.
+
+    Attributes:
+        cpus: cores that the training could use.
+        gpu: name of the first GPU if it was used.
+        instructions: widest vector instructions that torch used; with others weights differ. None in older results.
+    """
 
     cpus: PositiveInt
     gpu: Text | None = None
+    instructions: Text | None = None
 
     @classmethod
     def this(cls, device: str | None) -> Self:
@@ -152,7 +159,7 @@ class Machine(Record):
         import torch
 
         gpu = torch.cuda.get_device_name(0) if device != "cpu" and torch.cuda.is_available() else None
-        return cls(cpus=usable_cores(), gpu=gpu)
+        return cls(cpus=usable_cores(), gpu=gpu, instructions=torch.backends.cpu.get_cpu_capability())
 
 
 class Validation(Record):

@@ -41,8 +41,9 @@ def compare_with_checkpoint(config: PreTrainedConfig, trained: PreTrainedConfig,
         BadConfig: a field among `DECIDED` differs.
     """
     for name in DECIDED:
-        found, wanted = getattr(config, name, None), getattr(trained, name, None)
-        if not np.array_equal(found, wanted):  # a list equals a tuple
+        values = (getattr(each, name, None) for each in (config, trained))
+        found, wanted = (tuple(value) if isinstance(value, list) else value for value in values)
+        if found != wanted:
             raise BadConfig(
                 f"{name} is {found}, but {origin} was trained with {wanted}: leave out --policy.{name}, give the checkpoint by "
                 "--policy.path, which brings its config, or train anew"
