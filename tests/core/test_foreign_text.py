@@ -28,7 +28,8 @@ from lerobot_env_bimanual.reports import expert_tables
 EVIL = "<script>a</script> x`|\n# Injected\r\n[l](javascript:a) \x1b[2J\x9b{: onclick=a }\u202e`<img src=x onerror=a>"
 HOSTILE = (EVIL, f"y`{EVIL}`y", "A" * 10**6)
 TRAINED = variant(
-    config={"device": "cpu", "evaluation": {"env.episode_length": "9"}}, machine=Machine(cpus=2, gpu="H100")
+    config={"device": "cpu", "evaluation": {"env.episode_length": "9"}},
+    machine=Machine(cpus=2, gpu="H100", instructions="AVX512"),
 )
 RECORDS = (TRAINED, ROBUSTNESS, EXPERT_REPORT, EXPERT, provenance())
 UNPRINTED = {"Marker", "_Info", "_Feature", "Calibration"}
