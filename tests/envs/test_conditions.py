@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual import conditions
@@ -179,7 +180,7 @@ def beginning(task):
 
 def test_unreachable_placements_are_redrawn_and_counted_and_endless_redrawing_is_an_error():
     task = BallOutOfReach()
-    scene, unchanged = Scene(task.spec.props), Perturbations("", task.spec, "test")
+    scene, unchanged = Scene(task.spec.props), Perturbations("", task.spec, "test", CAMERA_NAMES)
     assert EpisodeReset(task, scene, unchanged).start(beginning(task)) == 4
     assert scene.pose("ball").position[:2] == pytest.approx(AREA.center_m, abs=1e-3)
     assert scene.ticks == 0

@@ -34,7 +34,7 @@ class Perturbations:
         BimanualError: an axis does not exist, or cannot be loaded.
     """
 
-    def __init__(self, perturb: str, task: TaskSpec, split: str, cameras: Sequence[str] = CAMERA_NAMES):
+    def __init__(self, perturb: str, task: TaskSpec, split: str, cameras: Sequence[str]):
         self._task, self._split, self._cameras = task, split, cameras
         levels: dict[Axis[Any], int] = {
             AXES.get(name): level for name, level in parse_levels(perturb).items()
