@@ -159,6 +159,26 @@ class Inside(Condition):
 
 
 @dataclass(frozen=True)
+class NoneInside(Condition):
+    """No prop's origin lies in a box that is fixed to a container; see `Inside`.
+
+    Attributes:
+        props: bodies whose origins count.
+        container: body in whose frame the box stands.
+        lower_m: corner of the box, (3,).
+        upper_m: the opposite corner, (3,).
+    """
+
+    props: tuple[str, ...]
+    container: str
+    lower_m: tuple[float, float, float] = field(repr=False)
+    upper_m: tuple[float, float, float] = field(repr=False)
+
+    def __call__(self, view: SceneView) -> bool:
+        return not any(Inside(prop, self.container, self.lower_m, self.upper_m)(view) for prop in self.props)
+
+
+@dataclass(frozen=True)
 class AtRest(Condition):
     """The prop's origin hardly moves."""
 
@@ -244,6 +264,19 @@ class Raised(Condition):
 
     def __call__(self, view: SceneView) -> bool:
         return bool(view.pose(self.prop).position[2] - view.placed_m(self.prop)[2] >= self.rise_m)
+
+
+@dataclass(frozen=True)
+class Tipped(Condition):
+    """The prop leans by at least this many degrees, and its origin is less than this far above where it was placed."""
+
+    prop: str
+    lean_deg: float
+    rise_m: float
+
+    def __call__(self, view: SceneView) -> bool:
+        leans = view.pose(self.prop).rotation[2, 2] <= math.cos(math.radians(self.lean_deg))
+        return bool(leans) and not Raised(self.prop, self.rise_m)(view)
 
 
 @dataclass(frozen=True)

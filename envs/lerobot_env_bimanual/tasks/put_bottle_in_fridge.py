@@ -39,6 +39,7 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 FRIDGE = Fridge("fridge")
 BOTTLE = Bottle("bottle")
 IN_FRIDGE = Inside("bottle", "fridge", *FRIDGE.compartment)
+DOOR_HELD = Touched("fridge_door", by=Arm.RIGHT), Untouched("fridge_door", by=Arm.LEFT)
 FRIDGE_YAW_RAD = np.deg2rad(45.0)
 FRIDGE_AREA = PlacementArea(center_m=(0.667, 0.292), half_size_m=(0.05, 0.05), half_yaw_rad=np.deg2rad(10.0))
 """In the original it never moves from the middle of these."""
@@ -94,7 +95,7 @@ class PutBottleInFridge(Task):
         success=(
             IN_FRIDGE,
             *(Untouched("bottle", by=arm) for arm in ARMS),
-            Once((IN_FRIDGE, Touched("fridge_door", by=Arm.RIGHT))),
+            Once((IN_FRIDGE, Touched("bottle", by=Arm.LEFT), *DOOR_HELD)),
         ),
         horizon_ticks=420,
         needs_both_arms=True,

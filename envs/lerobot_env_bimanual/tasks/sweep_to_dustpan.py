@@ -21,9 +21,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Always, Inside, Near, Unhandled
+from lerobot_env_bimanual.conditions import Always, Held, Inside, Near, NoneInside, Unhandled
 from lerobot_env_bimanual.props.broom import Broom, BroomStand
 from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan, scattered
 from lerobot_env_bimanual.stage import Stage
@@ -36,6 +37,7 @@ BROOM = Broom("broom", height_m=0.35)
 STAND = BroomStand("stand")
 PAN = Dustpan("dustpan")
 CRUMBS = tuple(Crumb(f"dirt{index}") for index in range(5))
+DIRT = tuple(crumb.name for crumb in CRUMBS)
 STAND_AREA = PlacementArea(center_m=(0.07, 0.30), half_size_m=(0.08, 0.05))
 DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half_yaw_rad=np.deg2rad(15.0))
 """The middle of the dirt; pan and sweep are turned with it."""
@@ -89,9 +91,10 @@ class SweepToDustpan(Task):
         props=(STAND, BROOM, PAN, *CRUMBS),
         varied=tuple((STAND, broom, PAN, *CRUMBS) for broom in VARIED_BROOMS),
         success=(
-            *(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
-            Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)),)),
+            *(Inside(crumb, PAN.name, *INSIDE_M) for crumb in DIRT),
+            Always((Unhandled(DIRT),)),
             Always((Near(PAN.name, MAX_SHIFT_M),)),
+            Always((Held(PAN.name, by=Arm.RIGHT), NoneInside(DIRT, PAN.name, *INSIDE_M))),
         ),
         horizon_ticks=360,
     )
