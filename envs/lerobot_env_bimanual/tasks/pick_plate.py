@@ -41,7 +41,7 @@ PLATE = Plate("plate", radius_m=0.075, height_m=0.012, mass_kg=0.12)
 AREA = PlacementArea(center_m=(0.20, -0.155), half_size_m=(0.14, 0.215))
 SUCCESS_HEIGHT_M = 1.00
 MAX_SHIFT_M, LIFTED_M, TIPPED_DEG = 0.10, 0.06, 15.0
-"""How far the plate may be moved before it is lifted, from which height on it is, and how far it leans under both hands before."""
+"""How far the plate may be moved before it is lifted, from which height on it is, and how far it leans under either hand before."""
 
 VARIED_AREA = PlacementArea(center_m=(0.21, -0.17), half_size_m=(0.075, 0.16))
 VARIED_RADII_M = (0.074, 0.078, 0.082, 0.086)
@@ -98,7 +98,7 @@ class PickPlate(Task):
             Grasped("plate"),
             Above("plate", SUCCESS_HEIGHT_M),
             Always((Near("plate", MAX_SHIFT_M), Raised("plate", LIFTED_M))),
-            Once((*(Touched("plate", by=arm) for arm in ARMS), Tipped("plate", TIPPED_DEG, LIFTED_M))),
+            *(Once((Touched("plate", by=arm), Tipped("plate", TIPPED_DEG, LIFTED_M))) for arm in ARMS),
         ),
         horizon_ticks=320,
         plans=("left presses", "right presses"),
