@@ -25,14 +25,14 @@ MAX_TRIES = 14
 """Ways that are tried in a copy of the episode."""
 DOES_IT = (
     ("pick_laptop", "left"),
-    ("pick_plate", "right"),
     ("put_item_in_drawer", "right"),
-    ("sweep_to_dustpan", "left"),
     ("take_tray_out_of_oven", "left"),
 )
 """Tasks that one arm can do, and one that does."""
 NO_WAY_KNOWN = (
     ("put_bottle_in_fridge", "left"),
+    ("pick_plate", "right"),
+    ("sweep_to_dustpan", "left"),
     ("sweep_to_dustpan", "right"),
     ("push_box", "right"),
     ("handover_item_easy", "left"),

@@ -12,6 +12,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle
 from lerobot_env_bimanual import conditions
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.gl import mujoco
@@ -58,7 +59,11 @@ def test_a_prop_is_wholly_above_a_height_with_the_bodies_that_hang_on_it():
 
 
 CENTRED = conditions.CentredOn("item", "target", 0.05)
-INSIDE = conditions.Inside("item", "target", (-0.1, -0.05, 0.0), (0.1, 0.05, 0.05))
+BOX_M = (-0.1, -0.05, 0.0), (0.1, 0.05, 0.05)
+INSIDE, NONE_INSIDE = (
+    conditions.Inside("item", "target", *BOX_M),
+    conditions.NoneInside(("item",), "target", *BOX_M),
+)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +75,8 @@ INSIDE = conditions.Inside("item", "target", (-0.1, -0.05, 0.0), (0.1, 0.05, 0.0
         (INSIDE, (0.09, 0, 0.01), True),
         (INSIDE, (0.11, 0, 0.01), False),
         (INSIDE, (0, 0, -0.01), False),
+        (NONE_INSIDE, (0.09, 0, 0.01), False),
+        (NONE_INSIDE, (0, 0, -0.01), True),
         (conditions.Above("item", 0.849), (0, 0, 0.1), True),
         (conditions.Above("item", 0.851), (0, 0, 0.1), False),
     ],
@@ -95,6 +102,16 @@ def test_near_and_aligned_are_measured_from_where_and_how_things_were_placed(sce
     assert not conditions.Near("item", 0.0499)(scene)
     assert conditions.Aligned("item", "target", 11.1)(scene)
     assert not conditions.Aligned("item", "target", 10.9)(scene)
+
+
+def test_a_thing_is_tipped_while_it_leans_and_is_still_low(scene):
+    scene.place("item", Pose(HIGH_IN_THE_AIR.position, quat_wxyz_from_axis_angle((0, 1, 0), np.deg2rad(15))))
+    assert conditions.Tipped("item", 14.9, 0.06)(scene)
+    assert not conditions.Tipped("item", 15.1, 0.06)(scene)
+    for rise_m, is_low in ((0.059, True), (0.002, False)):
+        scene.data.qpos[-5] += rise_m  # not placed there
+        scene.restore_state(scene.save_state())
+        assert conditions.Tipped("item", 14.9, 0.06)(scene) == is_low
 
 
 def test_conditions_on_the_way_remember_what_was(scene):

@@ -2,9 +2,9 @@
 
 The paper asks that the plate be securely grasped and lifted, and calls it difficult, not impossible, for one arm. The left
 hand presses on one side of the rim, until the other side rises high enough for the right hand to pinch it. A single hand that
-pushes the plate over the table's edge can pinch it there, so the plate may not be moved by more than 10 cm before it is lifted.
-The expert moves it by one at most. One hand can do it all the same: half open and steep, it jams a finger under the rim where
-it lies (docs/environment.md).
+pushes the plate over the table's edge can pinch it there, so the plate may not be moved by more than 10 cm before it is lifted;
+the expert moves it by one at most. A hand that is half open and steep can jam a finger under the rim where it lies, so each of
+the two has to touch the plate while it is tipped and still low.
 
 Departures from the original: the plate must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height alone. The plate weighs 120 g instead of half

@@ -2,8 +2,8 @@
 
 One hand leads the broom while the other holds the pan that it sweeps into. The instruction names the dirt alone, but the pan
 is light and glides: unless it is held, the first lumps that climb its lip push it away before the broom. The dirt is to
-be swept: no arm may touch it, nor the pan be driven under it. One arm can do it all the same, by strokes that stop before the pan
-(docs/environment.md).
+be swept: no arm may touch it, nor the pan be driven under it. Strokes that stop before the pan roll the lumps in without moving it,
+so the right hand has to hold it as long as one lies inside.
 
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to contain the dirt,
 wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the latter turned by up to 15
