@@ -29,9 +29,8 @@ def test_one_arm_does_a_task_that_needs_no_two_while_the_other_stays_at_home(tas
 def test_no_known_way_does_a_task_with_one_arm(task, arm):
     solved, but_for_the_way = tally(task, Arm(arm), range(1_200_000, 1_200_003))
     assert not solved
-    if task.startswith(
-        ("put_bottle", "pick_plate", "handover")
-    ):  # without the conditions on the way they do it
+    # Without the conditions on the way they do it.
+    if task.startswith(("pick_plate", "put_bottle", "handover")):
         assert len(but_for_the_way) >= 2
 
 
