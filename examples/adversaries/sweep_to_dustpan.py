@@ -1,4 +1,4 @@
-"""Sweep, alone: drive the pan under the dirt, pick the lumps up one by one, or sweep or strike them into a pan that no hand holds."""
+"""Sweep, alone: strike the lumps into a pan that no hand holds, or drive it under them, or pick them up one by one."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -21,14 +21,11 @@ PICK_Z_M, CARRY_Z_M, DROP_Z_M = 0.014, 0.060, 0.075
 
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
-    """The right arm reaches the pan's handle, the left one the broom; either reaches the lumps."""
+    """The left arm reaches the broom, the right one the pan's handle and the lumps."""
     if arm is Arm.LEFT:
         yield from every_choice(_strike, arm=[arm], stop_m=(0.14, 0.12), speed_m_s=(0.7, 0.8, 0.9))
-    yield from every_choice(_pick_up, arm=[arm], order=(1, -1))
-    if arm is Arm.LEFT:
-        yaws_rad = np.deg2rad((20.0, -20.0, 0.0))
-        yield from every_choice(_sweep, arm=[arm], yaw_rad=yaws_rad, speed_m_s=(0.12, 0.8))
     else:
+        yield from every_choice(_pick_up, arm=[arm], order=(1, -1))
         angles_rad = map(np.deg2rad, product((80, 45), (30, 50)))
         yield from every_choice(_scoop, arm=[arm], height_m=(0.33, 0.30), angles_rad=angles_rad)
 
@@ -84,54 +81,31 @@ def _room(place, turn_rad: float, others) -> float:
     return min([0.03, *(float(np.linalg.norm(other - finger)) for other in others for finger in fingers)])
 
 
-class _Broom:
-    """The broom in the left hand, and the pan that no hand holds, as far as it has been pushed."""
-
-    def __init__(self, env: BimanualEnv, arm: Arm):
-        self.hand, self._scene = Hand(env, arm), env.scene
-        self._grip_z_m = TABLE_HEIGHT_M + expert.BROOM.height_m - expert.BELOW_END_M
-
-    def take(self) -> Moves:
-        """Lift the broom out of its stand."""
-        x, y, _ = self._scene.pose(expert.BROOM.name).position
-        grasp = Pose.looking((x, y, self._grip_z_m), approach=(0, 0, -1), opening=(-1, 0, 0))
-        yield from self.hand.go(grasp.advanced(-expert.ABOVE_M))
-        yield from self.hand.line(grasp)
-        yield from self.hand.grip(0.0)
-        yield from self.hand.line(grasp.translated(expert.TAKE_OUT_M))
-
-    def at(self, ahead_m: float, yaw_rad: float = 0.0) -> Pose:
-        """The hand where the broom is so far before the pan's middle, turned."""
-        pan = self._scene.pose(expert.PAN.name)
-        x, y, _ = pan.apply((0, ahead_m, 0))
-        along = pan.rotation @ (-np.cos(yaw_rad), -np.sin(yaw_rad), 0)
-        return Pose.looking((x, y, self._grip_z_m), approach=(0, 0, -1), opening=along)
-
-    def behind(self, yaw_rad: float = 0.0) -> Moves:
-        """Put the broom down behind all lumps, from above."""
-        pose = self.at(expert.DIRT_HALF_M[1] - expert.PAN_Y_M + expert.BEHIND_DIRT_M, yaw_rad)
-        yield from self.hand.line(pose.translated((0, 0, expert.TAKE_OUT_M[2])), 1.0)
-        yield from self.hand.line(pose)
-
-
-def _sweep(env: BimanualEnv, arm: Arm, speed_m_s: float, yaw_rad: float) -> Moves:
-    """Sweep into the pan slantwise and slowly, so that the lumps climb its lip one after the other."""
-    broom = _Broom(env, arm)
-    yield from broom.take()
-    yield from broom.behind(yaw_rad)
-    yield from broom.hand.line(broom.at(expert.SWEEP_TO_M, yaw_rad), speed_m_s)
-    yield from broom.hand.hold(15)
-
-
 def _strike(env: BimanualEnv, arm: Arm, stop_m: float, speed_m_s: float) -> Moves:
-    """Stop fast strokes before the pan, so that the lumps roll on into it."""
-    broom = _Broom(env, arm)
-    yield from broom.take()
+    """Take the broom, and stop fast strokes before the pan, so that the lumps roll on into it."""
+    hand, scene = Hand(env, arm), env.scene
+    grip_z_m = TABLE_HEIGHT_M + expert.BROOM.height_m - expert.BELOW_END_M
+    up = np.array([0.0, 0.0, expert.TAKE_OUT_M[2]])
+
+    def at(ahead_m: float) -> Pose:
+        """The hand where the broom is so far before the pan's middle."""
+        pan = scene.pose(expert.PAN.name)
+        x, y, _ = pan.apply((0, ahead_m, 0))
+        return Pose.looking((x, y, grip_z_m), approach=(0, 0, -1), opening=pan.rotation @ (-1, 0, 0))
+
+    x, y, _ = scene.pose(expert.BROOM.name).position
+    grasp = Pose.looking((x, y, grip_z_m), approach=(0, 0, -1), opening=(-1, 0, 0))
+    yield from hand.go(grasp.advanced(-expert.ABOVE_M))
+    yield from hand.line(grasp)
+    yield from hand.grip(0.0)
+    yield from hand.line(grasp.translated(expert.TAKE_OUT_M))
     for _ in range(STROKES):
-        yield from broom.behind()
-        yield from broom.hand.servo(lambda: broom.at(stop_m), 40, speed_m_s)
-        yield from broom.hand.hold(5)
-        back = broom.at(stop_m + 0.07)
-        yield from broom.hand.line(back, 1.0)
-        yield from broom.hand.line(back.translated((0, 0, expert.TAKE_OUT_M[2])), 1.0)
-    yield from broom.hand.hold(15)
+        behind = at(expert.DIRT_HALF_M[1] - expert.PAN_Y_M + expert.BEHIND_DIRT_M)
+        yield from hand.line(behind.translated(up), 1.0)
+        yield from hand.line(behind)
+        yield from hand.servo(lambda: at(stop_m), 40, speed_m_s)
+        yield from hand.hold(5)
+        back = at(stop_m + 0.07)
+        yield from hand.line(back, 1.0)
+        yield from hand.line(back.translated(up), 1.0)
+    yield from hand.hold(15)

@@ -60,10 +60,8 @@ def test_a_prop_is_wholly_above_a_height_with_the_bodies_that_hang_on_it():
 
 CENTRED = conditions.CentredOn("item", "target", 0.05)
 BOX_M = (-0.1, -0.05, 0.0), (0.1, 0.05, 0.05)
-INSIDE, NONE_INSIDE = (
-    conditions.Inside("item", "target", *BOX_M),
-    conditions.NoneInside(("item",), "target", *BOX_M),
-)
+INSIDE = conditions.Inside("item", "target", *BOX_M)
+NONE_INSIDE = conditions.NoneInside(("item",), "target", *BOX_M)
 
 
 @pytest.mark.parametrize(
