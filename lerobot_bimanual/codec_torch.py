@@ -1,4 +1,4 @@
-"""Discrete keyposes on torch tensors: the twin of `codec`, used by the policies."""
+"""Discrete keyposes on torch tensors: what the policies predict; `codec` rounds keyposes alike, in NumPy."""
 
 from dataclasses import dataclass
 
@@ -19,8 +19,12 @@ class KeyposeBins:
     """Bins of a batch of keyposes, left first.
 
     Attributes:
-        voxel, rotation, gripper_open, ignore_collisions: the fields of `codec.DiscreteKeypose` as int64 tensors.
-        place: (..., arms, 3) float, the position in voxels, the centre of the first at 0.
+        voxel: (..., 2, 3) int64 index along x, y, z; outside [0, voxels) where the position lies outside.
+        rotation: (..., 2, 3) int64 bin of each extrinsic xyz Euler angle; bin k means `rotation_bin_deg` * k - 180
+            degrees.
+        gripper_open: (..., 2) int64, 0 or 1.
+        ignore_collisions: (..., 2) int64, 0 or 1.
+        place: (..., 2, 3) float, the position in voxels, the centre of the first at 0.
     """
 
     voxel: Tensor

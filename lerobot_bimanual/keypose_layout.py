@@ -27,7 +27,7 @@ IGNORE_COLLISIONS = 8
 
 @dataclass(frozen=True)
 class KeyposeGrid:
-    """The bins of a keypose; `codec.KeyposeCodec` and `codec_torch.TorchKeyposeCodec` convert to them and back.
+    """The bins of a keypose; `codec.KeyposeCodec` rounds to them, `codec_torch.TorchKeyposeCodec` converts to them and back.
 
     Attributes:
         workspace: the box that the voxels fill.

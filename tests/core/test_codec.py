@@ -1,11 +1,11 @@
-"""Round trips of the keypose codec."""
+"""Rounding of keyposes, in NumPy and torch."""
 
 import numpy as np
 import pytest
 import torch
 
-from lerobot_bimanual import codec_torch
 from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.geometry.rotations import (
     quat_wxyz_canonical,
     quat_wxyz_to_euler_xyz,
@@ -24,49 +24,50 @@ def random_keyposes(count: int, seed: int = 0) -> np.ndarray:
     return arms.reshape(count, 18)
 
 
+def discretised(codec: KeyposeCodec, vectors: np.ndarray) -> np.ndarray:
+    return np.array([codec.discretise(BimanualKeypose.from_vector(vector)).to_vector() for vector in vectors])
+
+
 @pytest.mark.parametrize("voxels", [25, 50, 100])
-def test_round_trip_is_within_half_a_voxel_and_half_a_bin(voxels):
-    codec = KeyposeCodec(voxels=voxels)
+def test_a_discretised_keypose_is_within_half_a_voxel_and_half_a_bin(voxels):
     vectors = random_keyposes(500)
-    before, after = (v.reshape(500, 2, 9) for v in (vectors, codec.decode(codec.encode(vectors))))
-    assert np.abs(before[..., :3] - after[..., :3]).max() <= 0.5 / voxels + 1e-9
+    before, after = (
+        v.reshape(500, 2, 9) for v in (vectors, discretised(KeyposeCodec(voxels=voxels), vectors))
+    )
+    assert np.abs(before[..., :3] - after[..., :3]).max() <= 0.5 / voxels + 1e-6
     euler = [np.rad2deg(quat_wxyz_to_euler_xyz(v[..., 3:7])) for v in (before, after)]
     difference = np.abs((euler[0] - euler[1] + 180) % 360 - 180)
     # Where the rounded pitch reaches 90 degrees the other two angles lose their meaning; compare the rest.
     regular = np.abs(euler[1][..., 1]) < 87
-    assert difference[regular].max() <= 2.5 + 1e-4
+    assert difference[regular].max() <= 2.5 + 1e-3
     assert np.rad2deg(rotation_angle_rad(before[..., 3:7], after[..., 3:7])).max() < 5.0
     np.testing.assert_array_equal(before[..., 7:], after[..., 7:])
 
 
 def test_half_turns_share_a_bin_and_positions_outside_get_indices_outside():
-    codec = KeyposeCodec()
-    vector = random_keyposes(1)[0]
-    vector[3:7] = [np.cos(np.pi / 2 - 1e-9), 0, 0, np.sin(np.pi / 2 - 1e-9)]
-    plus = codec.encode(vector).rotation[0, 2]
-    vector[3:7] = [np.cos(np.pi / 2 + 1e-9), 0, 0, np.sin(np.pi / 2 + 1e-9)]
-    assert codec.encode(vector).rotation[0, 2] == plus == 0
-    vector[0:3] = [-0.35, 0.55, 0.707]
-    voxel = codec.encode(vector).voxel[0]
-    assert voxel[0] < 0
-    assert voxel[1] >= codec.voxels
-    assert 0 <= voxel[2] < codec.voxels
-    position = codec.discretise(BimanualKeypose.from_vector(vector)).left.pose.position
-    np.testing.assert_allclose(position, [-0.295, 0.495, 0.705], atol=1e-6)
+    codec = TorchKeyposeCodec()
+    vectors = random_keyposes(2)
+    for vector, half_rad in zip(vectors, (np.pi / 2 - 1e-9, np.pi / 2 + 1e-9), strict=True):
+        vector[3:7] = [np.cos(half_rad), 0, 0, np.sin(half_rad)]
+        vector[0:3] = [-0.35, 0.55, 0.707]
+    bins = codec.encode(torch.from_numpy(vectors))
+    assert bins.rotation[:, 0, 2].tolist() == [0, 0]
+    x, y, z = bins.voxel[0, 0].tolist()
+    assert x < 0
+    assert y >= codec.voxels
+    assert 0 <= z < codec.voxels
+    np.testing.assert_allclose(discretised(KeyposeCodec(), vectors)[0, :3], [-0.295, 0.495, 0.705], atol=1e-6)
 
 
-def test_torch_twin_gives_the_same_bins_and_poses():
+def test_both_codecs_give_the_same_poses():
     vectors = random_keyposes(200).astype(np.float32)
-    ours = KeyposeCodec(voxels=50)
-    twin = codec_torch.TorchKeyposeCodec(voxels=50)
-    expected, got = ours.encode(vectors), twin.encode(torch.from_numpy(vectors).double())
-    np.testing.assert_array_equal(got.voxel.numpy(), expected.voxel)
-    np.testing.assert_array_equal(got.rotation.numpy(), expected.rotation)
-    np.testing.assert_array_equal(got.gripper_open.numpy(), expected.gripper_open)
-    poses = [v.reshape(200, 2, 9) for v in (twin.decode(got).numpy(), ours.decode(expected))]
-    np.testing.assert_allclose(poses[0][..., :3], poses[1][..., :3], atol=1e-6)
+    twin = TorchKeyposeCodec(voxels=50)
+    decoded = twin.decode(twin.encode(torch.from_numpy(vectors).double())).numpy()
+    expected, got = (v.reshape(200, 2, 9) for v in (discretised(KeyposeCodec(voxels=50), vectors), decoded))
+    np.testing.assert_allclose(got[..., :3], expected[..., :3], atol=1e-6)
     # Half turns have two canonical quaternions, so rotations are compared as rotations.
-    assert rotation_angle_rad(poses[0][..., 3:7], poses[1][..., 3:7]).max() < 1e-3
+    assert rotation_angle_rad(got[..., 3:7], expected[..., 3:7]).max() < 1e-3
+    np.testing.assert_array_equal(got[..., 7:], expected[..., 7:])
 
 
 @pytest.mark.parametrize(("width_deg", "bins"), [(3.6, 100), (0.9, 400), (7.2, 50), (5, 72)])
