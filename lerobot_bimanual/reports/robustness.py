@@ -76,7 +76,9 @@ def print_robustness(result: RobustnessResult) -> None:
         }
         for line in table.itertuples()
     )
-    print_table(shown, f"{result.policy} on {result.task}, the same {len(result.nominal.episodes)} episodes")
+    print_table(
+        shown, f"{result.config.policy} on {result.task}, the same {len(result.nominal.episodes)} episodes"
+    )
     sums = table[table.valid].groupby("level")[["solved", "n"]].sum()
     said = "; ".join(f"level {line.Index}: {line.solved} of {line.n}" for line in sums.itertuples())
     say(f"valid conditions together: {said or 'none'}")

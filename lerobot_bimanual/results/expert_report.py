@@ -109,11 +109,6 @@ class ExpertReport(Record):
         """The seeds."""
         return range(self.first_seed, self.first_seed + self.n_seeds)
 
-    @property
-    def tasks(self) -> list[str]:
-        """Names of the tasks, sorted."""
-        return sorted(self.worlds)
-
     @cached_property
     def by_variation(self) -> dict[tuple[str, int], list[EpisodeOutcome]]:
         """Episodes by task and variation, sorted."""

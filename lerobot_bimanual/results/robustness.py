@@ -150,11 +150,6 @@ class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
             require(same, f"{each.name} must be on the {len(seeds)} seeds from {self.config.first_seed} on")
         return self
 
-    @property
-    def policy(self) -> str:
-        """Type of the policy."""
-        return self.config.policy
-
 
 class ExpertCondition(Condition):
     """The expert and the open-loop baseline on one condition: the seeds that each of them failed, or solved."""

@@ -2,7 +2,6 @@
 
 import re
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,19 +46,6 @@ def test_only_the_same_episodes_are_compared(config, fields, message):
         Comparison((RESULT,), (variant(config=config, **fields),))
     with pytest.raises(BimanualError, match="share no seed"):
         Comparison((RESULT,), (trained("xx", first_seed=50),))
-
-
-def test_compare_prints_both_rates_and_the_test_and_cuts_no_name(tmp_path: Path, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    long, other = tmp_path / f"{'long' * 20}.json", tmp_path / "other.json"
-    RESULT.write(long)
-    trained("...x", policy="act").write(other)
-    results_compare(ResultsCompareConfig(first=long, second=other))
-    printed = capsys.readouterr().out
-    assert str(long) in printed
-    assert "2 of 4" in printed
-    assert "1 of 4" in printed
-    assert "2, 1" in printed
 
 
 def test_the_spread_of_episodes_and_that_of_trainings_are_told_apart():

@@ -29,22 +29,15 @@ def env(request):
 
 @pytest.mark.parametrize("name", list_tasks())
 def test_the_specification_is_consistent(name):
-    task = get_task(name)
-    spec = task.spec
-    assert type(task).__module__ == f"lerobot_env_bimanual.tasks.{name}"
-    assert spec.name == name
-    assert [variation.index for variation in spec.variations] == list(range(len(spec.variations)))
+    spec = get_task(name).spec
     assert spec.horizon_ticks > 0
     props = [prop.name for prop in spec.props]
     assert len(set(props)) == len(props) > 0
     (varied,) = {tuple(prop.name for prop in each) for each in spec.prop_sets("varied")}
     assert {*props} <= {*varied}
     for variation in spec.variations:
-        names = [condition.name for condition in task.conditions(variation)]
-        assert len(set(names)) == len(names) > 0
         instructions = spec.instructions_for(variation)
         assert all(instruction.strip() == instruction != "" for instruction in instructions)
-        assert not any("{" in instruction for instruction in instructions)
         assert len(set(instructions)) == len(instructions) > 0
     canonical = [spec.instructions_for(variation)[0] for variation in spec.variations]
     assert len(set(canonical)) == len(canonical), "a policy could not tell the variations apart"

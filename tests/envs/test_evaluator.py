@@ -66,7 +66,7 @@ def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_wor
         asked.clear()
         expert_evaluate(replace(config, task=task, **changes))
         report = ExpertReport.read(output)
-        assert [*report.worlds] == report.tasks
+        assert [*report.worlds] == sorted(report.worlds)
         assert len(report.violations) == len(report.by_variation)  # one each, of those that are there
         return {(spec.task, spec.variation, spec.seed) for spec in asked}
 
@@ -80,12 +80,12 @@ def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_wor
     assert played("lift_ball,dual_push_buttons") == set()
     output.write_text(output.read_text().replace(world_version("lift_ball"), "0" * 12))
     assert played("dual_push_buttons,lift_ball") == ball
-    assert ExpertReport.read(output).tasks == ["dual_push_buttons", "lift_ball"]
+    assert [*ExpertReport.read(output).worlds] == ["dual_push_buttons", "lift_ball"]
     for variation in ("1", "2"):
         expected = {("dual_push_buttons", variation, seed) for seed in (0, 1)}
         assert played("dual_push_buttons", variation=variation) == expected
     assert played("lift_ball", first_seed=1) == {("lift_ball", "0", 1), ("lift_ball", "0", 2)}
-    assert ExpertReport.read(output).tasks == ["lift_ball"]  # of other options: replaced
+    assert [*ExpertReport.read(output).worlds] == ["lift_ball"]  # of other options: replaced
 
 
 def test_a_second_evaluation_into_the_same_file_is_refused(tmp_path):

@@ -93,7 +93,7 @@ def test_a_report_comes_back_from_its_file_without_what_a_replay_gives(tmp_path)
 def test_a_committed_report_is_of_the_present_worlds_with_enough_episodes_and_without_violation():
     for (setting, name), report in REPORTS.items():
         assert (report.player, report.setting) == (name.removesuffix("_discretised"), setting)
-        assert report.worlds == {task: world_version(task, setting=setting) for task in report.tasks}
+        assert report.worlds == {task: world_version(task, setting=setting) for task in report.worlds}
         assert report.violations == (), (setting, name)
         if name == EXACT:
             assert report.replay == "joint"
@@ -103,11 +103,11 @@ def test_a_committed_report_is_of_the_present_worlds_with_enough_episodes_and_wi
         if name in (EXACT, ROUNDED, "open_loop", LANGUAGE_ABLATED):
             assert {*report.by_variation} == of_variations, (setting, name)
             assert all(len(episodes) >= few for episodes in report.by_variation.values())
-        assert all(len(report.of_task(task)) >= few for task in report.tasks), (setting, name)
+        assert all(len(report.of_task(task)) >= few for task in report.worlds), (setting, name)
         if (setting, "noop") in REPORTS:  # which is played last
             varied = {task for task, variation in VARIATIONS if variation == 1}
             expected = varied if name == LANGUAGE_ABLATED else {*list_tasks()}
-            assert {*report.tasks} == expected, (setting, name)
+            assert {*report.worlds} == expected, (setting, name)
 
 
 def again(setting: str, name: str, task: str, variation: int, index: int):

@@ -184,8 +184,8 @@ def test_a_replay_of_other_actions_and_keyframes_at_other_ticks_are_reported(env
     assert keyframes_found(np.array(actions), ticks)
     assert not keyframes_found(np.array(actions), [ticks[0] + 5, ticks[1] - 5, *ticks[2:]])
 
-    def changed(env, seed, variation, actions, hashes):
-        return replays(env, seed, variation, [actions[0] + np.float32(1e-6), *actions[1:]], hashes)
+    def changed(env, seed, actions, hashes):
+        return replays(env, seed, [actions[0] + np.float32(1e-6), *actions[1:]], hashes)
 
     replays = load_module.replays
     monkeypatch.setattr(load_module, "replays", changed)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 from documents import DOCUMENTS, ROOT
-from sample_results import put, variant
 
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
@@ -85,22 +84,6 @@ def test_tables_of_pages_are_those_of_the_results_and_the_registry() -> None:
     for name, (place, _) in tables["TABLES"].items():
         page = (ROOT / place).read_text(encoding="utf-8")
         assert tables["with_table"](page, name) == page, "run scripts/tables.py"
-
-
-def test_the_table_of_the_readme_has_the_policies_that_were_scored(tmp_path: Path) -> None:
-    of_readme = runpy.run_path(str(ROOT / "scripts/tables.py"))["TABLES"]["results"][1]
-    of_readme.__globals__["LEADERBOARD"] = tmp_path / "results/leaderboard"
-    assert of_readme() == "No policy has been scored in the present world yet."
-    on_one_task = [(policy, "lift_ball") for policy in ("peract2", "act", "mine")]
-    for policy, task in (*on_one_task, ("peract2", "push_box")):
-        put(tmp_path / "results/leaderboard", variant(config={"policy": policy, "task": task}))
-    assert of_readme().splitlines() == [
-        "|policy|`own`, 2|",
-        "|---|---|",
-        "|`peract2`|50.0 (22-78)|",
-        "|expert|100.0|",
-        "|open loop|25.0|",
-    ]
 
 
 LOADED = re.compile(r"""<(?:script|img|link|source|iframe)[^>]*?(?:src|href)=["']?(https?:[^"'\s>]+)""")

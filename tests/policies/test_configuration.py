@@ -13,7 +13,7 @@ from lerobot.utils.feature_utils import dataset_to_policy_features
 from lerobot_bimanual.dataset.feature_table import features
 from lerobot_bimanual.dataset.schema import EE_POSE, KEYPOSE_STEP, depth_key, image_key
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
-from lerobot_policy_bimanual import PerAct2Config, PerActIndependentConfig, PerActLFConfig, RVTLFConfig
+from lerobot_policy_bimanual import PerAct2Config, RVTLFConfig
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.dataset_fit import fit_config
 
@@ -82,11 +82,6 @@ def test_the_horizon_is_of_the_dataset_or_the_papers_code(largest, horizon):
 def test_where_a_dataset_tells_no_horizon_the_flag_is_named(stats):
     with pytest.raises(BadConfig, match=r"--policy\.keypose_horizon"):
         fit_config(PerAct2Config(device="cpu"), None, stats)
-
-
-@pytest.mark.parametrize("policy", [PerActIndependentConfig, PerActLFConfig])
-def test_latents_of_a_network_for_one_arm_may_be_odd(policy):
-    assert policy(device="cpu", num_latents=33).num_latents == 33
 
 
 @pytest.mark.parametrize("steps", [200, 5000])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig, policies
-from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from lerobot.policies.factory import get_policy_class
 
 import lerobot_policy_bimanual
 from lerobot_bimanual.cameras import CAMERA_NAMES
@@ -153,20 +153,6 @@ def test_only_the_chosen_cameras_are_looked_at(make_policy, make_batch):
         if camera not in cameras:
             del batch[depth_key(camera)]
     assert torch.equal(policy(batch)[0], loss)
-
-
-def test_processors_leave_observations_alone_and_survive_saving(policy_type, make_batch, tmp_path):
-    config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
-    config.output_features = {"action": PolicyFeature(FeatureType.ACTION, (16,))}
-    pre, post = make_pre_post_processors(config)
-    pre.save_pretrained(tmp_path)
-    post.save_pretrained(tmp_path)
-    batch, keypose = make_batch(), torch.rand(2, 18)
-    again = make_pre_post_processors(config, pretrained_path=str(tmp_path))
-    for preprocess, postprocess in ((pre, post), again):
-        processed = preprocess(dict(batch))
-        assert_equal_batches({key: processed[key] for key in batch}, batch)
-        assert torch.equal(postprocess(keypose), keypose)
 
 
 def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(

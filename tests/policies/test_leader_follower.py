@@ -76,19 +76,6 @@ def test_a_follower_cannot_tell_in_which_of_two_voxels_a_label_on_their_border_i
     torch.testing.assert_close(*told, atol=1e-5, rtol=0)
 
 
-def test_predictions_come_left_arm_first(policy, leader, make_batch):
-    network, outputs = policy.network, {}
-    network.leader.register_forward_hook(lambda _, inputs, output: outputs.update({leader: output}))
-    network.follower.register_forward_hook(lambda _, inputs, output: outputs.update({leader.other: output}))
-    prediction = policy.predict(policy.observe(make_batch()), None)
-    for arm in ARMS:
-        one = slice(arm.ordinal, arm.ordinal + 1)
-        assert torch.equal(prediction.rotation[:, one], outputs[arm].rotation)
-        assert torch.equal(prediction.gripper_open[:, one], outputs[arm].gripper_open)
-        assert torch.equal(prediction.ignore_collisions[:, one], outputs[arm].ignore_collisions)
-        assert torch.equal(prediction.best().voxel[:, one], outputs[arm].best().voxel)
-
-
 def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leader, make_batch):
     policy.eval()
     batch = make_batch()

@@ -151,7 +151,7 @@ def test_a_batch_of_rows_is_completed_with_the_calibration_of_all_rows(make_poli
     wrists = rows.pop(schema.WRIST_EXTRINSICS)
     with pytest.raises(BadObservation, match=schema.CAMERA_EXTRINSICS):
         policy(rows)
-    policy.dataset_features = {}
+    policy.calibration = None
     with pytest.raises(BadObservation, match=schema.CAMERA_EXTRINSICS):
         policy(rows | {schema.WRIST_EXTRINSICS: wrists})
 

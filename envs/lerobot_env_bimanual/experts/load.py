@@ -172,19 +172,16 @@ def run_measured(
     if replay_mode != "none":
         hashes.append(state_hash_column(env.state_hash()))
         again = actions if replay_mode == "joint" else keyposes
-        found["replayed"] = replays(env, seed, env.variation, again, hashes)
+        found["replayed"] = replays(env, seed, again, hashes)
     return outcome.model_copy(update=found)
 
 
-def replays(
-    env: BimanualEnv, seed: int, variation: int, actions: Iterable[ArrayLike], hashes: list[int]
-) -> bool:
+def replays(env: BimanualEnv, seed: int, actions: Iterable[ArrayLike], hashes: list[int]) -> bool:
     """Whether actions from a seed solve the episode through the recorded states, bit for bit, and no others.
 
     Args:
-        env: environment of the episode's task, whose control mode takes the actions.
+        env: environment of the episode's task and variation, whose control mode takes the actions.
         seed: seed of the episode.
-        variation: index of its variation.
         actions: recorded joint actions (16,) or keyposes (18,), all of them.
         hashes: of the state before every tick and at the end, as datasets store them.
     """
@@ -193,7 +190,7 @@ def replays(
     def note(env: BimanualEnv, _: NDArray | None = None) -> None:
         again.append(state_hash_column(env.state_hash()))
 
-    env.reset(seed=seed, options={"variation": variation})
+    env.reset(seed=seed, options={"variation": env.variation})
     with env.observed_by(note):
         for action in actions:
             _, _, terminated, truncated, _ = env.step(action)

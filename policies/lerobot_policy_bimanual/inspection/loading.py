@@ -11,6 +11,7 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.collate import lerobot_collate_fn
 from lerobot.utils.import_utils import register_third_party_plugins
 
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.layout import check_features
 from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.dataset.schema import ACTION
@@ -56,7 +57,9 @@ def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy,
 def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
     """Rows as LeRobot's loaders collate them, with the calibration that holds for all rows."""
     found: list[Any] = [dataset[row] for row in rows]
-    return with_calibration(cast(Batch, lerobot_collate_fn(found)), dataset.meta.features)
+    return with_calibration(
+        cast(Batch, lerobot_collate_fn(found)), Calibration.of_features(dataset.meta.features)
+    )
 
 
 def open_dataset(root: Path) -> LeRobotDataset:

@@ -3,7 +3,7 @@
 This runs inside the policy, on its device. Augmentation transforms the camera poses, which transforms the cloud.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,9 @@ from torch import Tensor
 from torch.nn.functional import threshold
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.cameras import CAMERA_NAMES, ROOM_CAMERA_NAMES
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.geometry.pinhole_torch import unproject
 
 PROPRIO_PER_ARM = 4
@@ -43,23 +44,12 @@ class Observation:
     instructions: list[str]
 
 
-def with_calibration(batch: dict[str, Any], features: Mapping[str, Any]) -> dict[str, Any]:
-    """A batch of a dataset's rows, completed with the calibration that holds for all rows (docs/schema.md).
-
-    Args:
-        batch: LeRobot's batch.
-        features: the dataset's feature table; without that calibration, rows have to hold all of it.
-    """
-    calibration = (features.get(schema.WRIST_EXTRINSICS, {}).get("info") or {}).get(schema.CALIBRATION_INFO)
+def with_calibration(batch: dict[str, Any], calibration: Calibration | None) -> dict[str, Any]:
+    """A batch of a dataset's rows, completed with the calibration that holds for all rows, if there is one (docs/schema.md)."""
     if calibration is None or schema.CAMERA_INTRINSICS in batch or schema.WRIST_EXTRINSICS not in batch:
         return batch
     moving = batch[schema.WRIST_EXTRINSICS]
-    room, intrinsics = (
-        torch.tensor([calibration[field][name] for name in names], dtype=moving.dtype, device=moving.device)
-        .flatten()
-        .expand(len(moving), -1)
-        for field, names in (("world_T_camera", ROOM_CAMERA_NAMES), ("intrinsics", CAMERA_NAMES))
-    )
+    room, intrinsics = (moving.new_tensor(vector).expand(len(moving), -1) for vector in calibration.vectors)
     extrinsics = torch.cat([room, moving], dim=-1)
     return batch | {schema.CAMERA_EXTRINSICS: extrinsics, schema.CAMERA_INTRINSICS: intrinsics}
 

@@ -12,6 +12,7 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import ACTION
 from lerobot_bimanual.errors import InvalidChoice, plain
 from lerobot_policy_bimanual.errors import CheckpointError
@@ -48,7 +49,7 @@ class KeyposePolicy(PreTrainedPolicy):
         **kwargs: other arguments of LeRobot, not used.
 
     Attributes:
-        dataset_features: feature table of the dataset of a training, whose calibration completes batches.
+        calibration: what holds for all rows of the dataset of a training, and completes its batches; None without one.
     """
 
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -68,7 +69,7 @@ class KeyposePolicy(PreTrainedPolicy):
         super().__init__(config)
         fit_config(config, dataset_meta, dataset_stats)
         config.validate_features()
-        self.dataset_features: Mapping[str, Any] = {} if dataset_meta is None else dataset_meta.features
+        self.calibration = None if dataset_meta is None else Calibration.of_features(dataset_meta.features)
         self.codec = config.codec
         self.language = _make_language(config)
         self.network = self.make_network()
@@ -199,7 +200,7 @@ class KeyposePolicy(PreTrainedPolicy):
         Raises:
             BadObservation: something is missing, of another shape, or cannot be true.
         """
-        batch = with_calibration(batch, self.dataset_features)
+        batch = with_calibration(batch, self.calibration)
         self._check_observation(batch)
         return observe(
             batch,
