@@ -100,11 +100,7 @@ def check_classes(file: Path, processor: object) -> None:
 
 
 def step_names(file: Path, processor: object) -> list[str]:
-    """The names of the steps of a processor; their options are checked, and the tensors that they name.
-
-    Args:
-        file: the file.
-        processor: the JSON value in it.
+    """The names of the steps of a processor, the JSON value in a file; their options are checked, and the tensors that they name.
 
     Raises:
         CheckpointError: the file is malformed, or an option or a tensor is.

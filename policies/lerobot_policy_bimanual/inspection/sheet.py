@@ -59,12 +59,8 @@ The arms face each other: the left one is at low x, the right one at high x."""
 def draw_sheet(policy: KeyposePolicy, batch: dict[str, Any], origin: str) -> Figure:
     """Run a policy on the first sample of a preprocessed batch with label, and draw three views side by side.
 
-    Nothing hides the heat maps and the hands; a voxel is the more opaque the more probable it is.
-
-    Args:
-        policy: the policy.
-        batch: the batch.
-        origin: the policy and the sample, for the subtitle.
+    Nothing hides the heat maps and the hands; a voxel is the more opaque the more probable it is. The subtitle tells the
+    `origin`: the policy and the sample.
 
     Raises:
         BadObservation: the batch cannot be true.

@@ -18,10 +18,6 @@ def keypose_losses(prediction: KeyposePrediction, target: KeyposeBins) -> dict[s
     """Cross-entropies (b,) of all parts, each summed over arms and rotation axes.
 
     The training loss is their plain sum, averaged over the batch (PerAct2 paper and code: all weights are 1).
-
-    Args:
-        prediction: output of the network.
-        target: bins of the labels.
     """
     offset = target.place - target.voxel
     return {

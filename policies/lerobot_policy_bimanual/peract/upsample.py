@@ -78,14 +78,9 @@ class UpsampledConv3d(nn.Module):
         return torch.einsum("pti,ocijk->tcpkjo", mixture, weight).flatten(2).flatten(0, 1)
 
     def forward(self, x: Tensor, kernel: Tensor) -> Tensor:
-        """(b, inputs, n, n, n) -> (b, outputs, PATCH * n + 2, ...), channels last in memory.
+        """Coarse map (b, inputs, n, n, n) and `kernel()` -> fine map (b, outputs, PATCH * n + 2, ...), channels last in memory.
 
-        Args:
-            x: coarse map.
-            kernel: from `kernel()`.
-
-        Returns:
-            The fine map with its border repeated once on all sides, as the next convolution wants it.
+        Its border is repeated once on all sides, as the next convolution wants it.
         """
         X, Y, Z = x.shape[2:]
         coarse = x.permute(0, 2, 3, 4, 1)

@@ -88,14 +88,7 @@ class FineTranslation:
 
     @classmethod
     def of(cls, coarse: ProductTranslation, fine: ProductTranslation, middle: Tensor, zoom: int) -> Self:
-        """Multiply what the zoomed-in views say by what the coarse ones do: in free space the former see nothing.
-
-        Args:
-            coarse: as the attribute.
-            fine: of the zoomed-in views alone.
-            middle: as the attribute.
-            zoom: as the attribute.
-        """
+        """Multiply what the zoomed-in views alone say, `fine`, by what the coarse ones do: in free space the former see nothing."""
         size = fine.planes[0].shape[-1]
         place = reduced(torch.arange(size, device=middle.device)[:, None], middle, zoom, size)  # (b, v, 3)
         x, y, z = cubic_weights(place.mT, size)[:, :, None].unbind(1)  # (b, 1, v, v) each
