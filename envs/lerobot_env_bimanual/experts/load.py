@@ -10,8 +10,8 @@ Measured at every step of physics (2 ms), of both arms:
 * how deep two bodies lie in each other.
 
 Measured of the joint actions, one per tick of 50 ms: velocity, acceleration and jerk of each joint over its limit, by
-differences. The scene's commands follow a quadratic spline, of which these are what it reaches: accelerations are
-constant within a tick and step between two within one step of physics.
+differences. These are the values that the quadratic spline of the scene's commands reaches: its accelerations are
+constant within a tick and step between two ticks within one step of physics.
 """
 
 from collections.abc import Iterable, Iterator
@@ -54,11 +54,11 @@ BOUNDS = {
     "finger_speed_m_s": 0.2,
     "penetration_mm": 2.0,
 }
-"""Of an expert's episode.
+"""Upper bounds of an expert's loads in an episode.
 
-A motor that gives all it has makes the arm late; Franka recommends to stay below and does not require it, so it may for
-moments. `worlds.ProtectiveStop` says where the bound of force comes from. Fingers may move as fast as franka_description
-says of the hand.
+A saturated motor makes the arm late. Franka recommends avoiding this but does not require it, so it is allowed for moments.
+`worlds.ProtectiveStop` says where the bound of force comes from. The bound of finger speed is franka_description's for the
+hand.
 """
 
 

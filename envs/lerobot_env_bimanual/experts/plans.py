@@ -1,7 +1,7 @@
-"""The demonstrator that has several plans: which one it takes, no picture tells, and both arms must take the same.
+"""A demonstrator with several plans: no image shows which plan it follows, and both arms must follow the same one.
 
-It demonstrates only where all plans of the task can be done. Neither scene nor success depend on the plan. A dataset shows the same
-scenes by each, see `lerobot_env_bimanual.generation.plan`: what is learned from a scene says nothing about the plan.
+It demonstrates only where all plans of the task are feasible. Neither scene nor success depends on the plan. A dataset has the
+same scenes for each plan, see `lerobot_env_bimanual.generation.plan`, so the scene gives no information about the plan.
 """
 
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ def keyposes_by(env: BimanualEnv, plan: int) -> list[BimanualKeypose]:
 
 
 def demonstrator(env: BimanualEnv, plan: int, codec: KeyposeCodec | None = None) -> Iterator[Move]:
-    """The expert by the plan of this number, as `replanning`, right after the reset; `codec` as in `expert`.
+    """Moves of the replanning expert by plan number `plan`, right after the reset; `codec` as in `expert`.
 
     Raises:
         InvalidChoice: the task has no such plan.

@@ -1,9 +1,9 @@
 """Records the expert's episodes.
 
-Physics and images are apart: while the expert plays, every tick's state and vectors are noted; images are rendered
-afterwards from the noted states, of the rows that are requested. So a failed attempt costs no image, a dataset
-of keyframes renders a dozen rows instead of hundreds, and an episode with all its images never has to fit into
-memory.
+Images are rendered separately from the physics: while the expert plays, the state and vectors of every tick are
+recorded; afterwards, images are rendered from these states, for the requested rows only. So a failed attempt costs no
+image, a dataset of keyframes renders a dozen rows instead of hundreds, and an episode with all its images never has to
+fit into memory.
 """
 
 from collections.abc import Callable, Iterable
@@ -93,10 +93,10 @@ class Recorder:
             seed: seed of the reset.
             variation: index of the task's variation.
             voxels: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
-            plan: number of the plan that is followed, where all plans of the task can be done; the episode then tells it.
+            plan: number of the plan to follow; all plans of the task must then be feasible, and the episode stores it.
 
         Returns:
-            What became of it, and the episode if it succeeded. The episode's images can be asked for until the
+            The outcome, and the episode if it succeeded. The episode's images can be rendered until the
             next call.
 
         Raises:

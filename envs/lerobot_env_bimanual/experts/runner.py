@@ -1,8 +1,8 @@
 """Play one episode with a scripted expert, or with any other player that proposes one move after the other.
 
-Every player acts through `BimanualEnv.step`, so an expert has no power that a policy lacks. Scripts read where things are,
-and use it for several stages. That is right as long as only the hands move them; where something else does, the replanning
-expert starts its script again.
+Every player acts through `BimanualEnv.step`, so an expert has no power that a policy lacks. Scripts read the poses of props
+and use them for several stages. That is correct as long as only the hands move the props; if something else does, the
+replanning expert starts its script again.
 """
 
 from collections.abc import Callable, Iterator

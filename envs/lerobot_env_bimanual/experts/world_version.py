@@ -3,9 +3,9 @@
 Reports and results are true of one world. Moving a comment or a file leaves its version as it is; another friction,
 planner, placement law or success condition changes it.
 
-Plans differ in the last bit between families of processors, so nothing is hashed that such a bit can reach: numbers of
-the compiled model by six digits, and of one expert's episode what was drawn, how long each motion took, and where the
-arms stood before anything was touched.
+Motion plans differ in the last bit between families of processors, so only values that such a bit cannot change are
+hashed: the compiled model's numbers to six digits, and, from one episode of the expert, what was drawn, how long each
+motion took, and the arms' positions before anything was touched.
 """
 
 from __future__ import annotations

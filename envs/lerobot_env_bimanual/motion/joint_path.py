@@ -17,10 +17,10 @@ STEP_RAD = 0.035
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """One arm's way over the path parameter, 0 to 1, that both arms have in common.
+    """One arm's joint path over the path parameter, 0 to 1, which both arms share.
 
-    A natural cubic spline: velocity and acceleration go through the knots without a jump. It leaves a straight line of
-    the hand, of which it is given a knot every 12 mm, by less than 0.1 mm; between two knots it is straight.
+    A natural cubic spline: velocity and acceleration are continuous at the knots. If its knots lie every 12 mm on a
+    straight line of the hand, it deviates from the line by less than 0.1 mm. A path of only two knots is straight.
 
     Attributes:
         knots: (n, 7) rad, at equal steps of the path parameter; at least two.

@@ -30,10 +30,10 @@ END_MARGIN_WEIGHT = 0.03
 KNOT_MARGIN_WEIGHT = 0.0005
 """The same for every knot of the search by dynamic programming."""
 MAX_ENDS = 3
-"""Postures at the end, of those with all values of the last joint, that are tried before the complete search."""
+"""End postures, found with all values of the last joint, that are tried before the complete search."""
 NEAR_M = 0.15
-"""Shortest travel of a hand for which they are looked for far from the last joint's present angle; the shortest turn
-is half of what a near search covers."""
+"""Travel of a hand from which on all these values are searched at once, instead of first those near the present one; for
+turns, the threshold is half the span of the near search."""
 DISTINCT_RAD = 0.2
 """Two of them differ in some joint by at least this much."""
 
@@ -132,10 +132,10 @@ def _end_postures(request: LineRequest, present: Array) -> Iterator[Array]:
 def _project(
     requests: Sequence[LineRequest], ends: Mapping[int, Array], poses: Sequence[Array]
 ) -> dict[int, Array | None]:
-    """The joint paths from the starts to `ends` that are straight but for what the poses (n, 4, 4) demand.
+    """Joint paths: the straight ways from the starts to `ends`, projected onto the poses (n, 4, 4).
 
-    Each knot is found by itself, from its place on the straight way. None for a line whose knots are not all
-    found, or whose path jumps or leaves the joint limits. Ends and paths are by the index of the request.
+    Each knot is projected by itself, from its place on the straight way. A path is None if some of its knots are
+    not found, or if it jumps or leaves the joint limits. Keys of ends and paths are indices of requests.
     """
     straight, in_base = [], []
     for index, end in ends.items():

@@ -183,7 +183,7 @@ class KeyposePlanner:
     def _search(
         self, motion: _Motion, rules: CollisionRules, goal: dict[Arm, Array], rng: np.random.Generator
     ) -> dict[Arm, JointPath] | None:
-        """Paths around obstacles for the arms in `goal`, in step: what was checked for both must be done by both."""
+        """Paths around obstacles for the arms in `goal`, in step with each other, since they are checked together."""
         others = {
             arm: path.knots[:1] if path.is_still else path.at(SWEPT_SHARES)
             for arm, path in motion.paths.items()

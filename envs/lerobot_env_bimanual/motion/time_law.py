@@ -1,4 +1,4 @@
-"""Time laws of paths: both arms together, as fast as a pace allows joints and hands, without a jolt; slower beside heavy things.
+"""Time laws of paths: both arms in step, smooth, as fast as a pace allows joints and hands; slower beside heavy props.
 
 Along the path the fastest speed is found that keeps the limits of velocity and acceleration: one pass forward for
 speeding up, one backward for braking (Bobrow et al., "Time-Optimal Control of Robotic Manipulators Along Specified

@@ -23,14 +23,14 @@ BODY_MASS_SHARE, SHOULDER_MASS_SHARE, NECK_MASS_SHARE = 0.86, 0.07, 0.07
 
 @dataclass(frozen=True)
 class Bottle:
-    """A free bottle, its frame in the middle of the underside. It is seen as turned meshes.
+    """A free bottle, its frame in the middle of the underside. Its visual shapes are turned meshes.
 
-    It is felt as cylinders and, where fingers grip it, as a capsule: of a cylinder's contacts with a finger's flat pad MuJoCo
-    misplaces one now and then for a step, and the light bottle jerks.
+    Its collision shapes are cylinders and, where fingers grip it, a capsule: MuJoCo now and then misplaces a contact between
+    a cylinder and a finger's flat pad for one step, and the light bottle would jerk.
 
     Attributes:
         name: body.
-        mass_kg: of PerAct2's bottle; sizes are its, too.
+        mass_kg: of PerAct2's bottle, whose sizes are used, too.
         friction: against everything but the grippers' rubber.
         radius_m: of the body below the shoulder.
     """

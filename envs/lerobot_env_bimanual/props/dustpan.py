@@ -138,7 +138,7 @@ class Crumb:
 def scattered(
     rng: np.random.Generator, middles_m: NDArray[np.float64], half_m: NDArray[np.float64], distance_m: float
 ) -> list[NDArray[np.float64]] | None:
-    """Where crumbs lie, (2,) each, around their middles (n, 2); None if not all find a place beside the others.
+    """Draw a position (2,) near each middle (n, 2) for a crumb; None if some crumb cannot be placed apart from the others.
 
     Args:
         rng: drawn from.

@@ -1,4 +1,4 @@
-"""A low block that rises out of the table by as much as it is placed high, with posts or walls that leave a hand one way in."""
+"""A low block, placed at any height by sinking it into the table, with posts or walls that leave a hand one way in."""
 
 from dataclasses import dataclass
 

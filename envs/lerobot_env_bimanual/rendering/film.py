@@ -1,4 +1,4 @@
-"""Episodes that are played and kept as states, and films of them, several players side by side, turned and zoomed to the play."""
+"""Records episodes as states and films them: players side by side, the camera turned and zoomed to hands and moved objects."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,16 +23,16 @@ from lerobot_env_bimanual.world.video import VideoWriter, captioned
 
 SIZE = (480, 640)
 FRAMED_TICKS = 10
-"""Of so many states one decides what a camera is turned and zoomed to."""
+"""One in this many states is used to turn and zoom a camera."""
 MOVED_M = 0.002
-"""Way along an axis from which on an object counts as moved: less than that of a button."""
+"""Travel along an axis from which on an object counts as moved: less than that of a button."""
 ROOM_M = 0.16
-"""Around hands and things that a frame leaves."""
+"""Margin around hands and moved objects in the image."""
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """An episode that was played: what became of it, its states before every tick and the last one, and the keyposes until each."""
+    """A played episode: its outcome, its states before every tick and at the end, and the number of keyposes until each."""
 
     outcome: EpisodeOutcome
     states: Sequence[SceneState]
@@ -101,7 +101,7 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
 def frame_of(
     scene: Scene, camera: str, states: Sequence[SceneState], size: tuple[int, int]
 ) -> dict[str, NDArray[np.float64]]:
-    """Turn and zoom, as `Appearance` wears them, with which a fixed camera shows hands and moved objects at their largest.
+    """Model fields for an `Appearance` that make a fixed camera show hands and moved objects as large as possible.
 
     The image is `size` (height, width) pixels large, the states are moments from the start on; the scene is left in the last one.
     """

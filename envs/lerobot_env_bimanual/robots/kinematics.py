@@ -140,7 +140,7 @@ class ArmKinematics:
 
 
 def _joint_frames() -> tuple[Array, Array, Array]:
-    """What is constant, goes with the sine and with the cosine of the angle in each joint's frame, (7, 1, 4, 4)."""
+    """Terms of the joints' frames: constant, factor of the sine and factor of the cosine of each angle, (7, 1, 4, 4)."""
     constant, sine, cosine = np.zeros((3, JOINTS_PER_ARM, 1, 4, 4))
     sine_twist, cosine_twist = np.sin(panda.LINK_TWIST_RAD), np.cos(panda.LINK_TWIST_RAD)
     cosine[:, 0, 0, 0], sine[:, 0, 0, 1] = 1.0, -1.0

@@ -1,8 +1,8 @@
 """One Franka Emika Panda with its parallel hand, built from primitive shapes.
 
 Kinematics are the modified Denavit-Hartenberg parameters of the Franka Control Interface documentation; masses, inertias and
-what collides of the links stand in `panda.toml`. The shapes, capsules, cylinders and boxes, so that collision checks are cheap,
-are not drawn: `panda_looks.py` has the visual ones.
+collision shapes of the links are in `panda.toml`. Collision shapes are capsules, cylinders and boxes, so that checks are cheap.
+They are not drawn: `panda_looks.py` has the visual ones.
 """
 
 import tomllib
@@ -121,7 +121,7 @@ def _add_link(parent, prefix: str, index: int):
         range=(JOINT_LOWER[index], JOINT_UPPER[index]),
         armature=JOINT_ARMATURE,
         damping=JOINT_DAMPING,
-        # The motor carries the arm's weight, and what it lends to that it cannot give to motion.
+        # The motor carries the arm's weight; the torque that this takes is not available for motion.
         actgravcomp=True,
         actfrclimited=True,
         actfrcrange=(-TORQUE_LIMIT_NM[index], TORQUE_LIMIT_NM[index]),

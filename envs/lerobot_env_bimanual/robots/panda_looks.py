@@ -1,8 +1,8 @@
 """How a Panda looks: waisted white shells, dark lids on its elbow and wrist, the wide hand and its tapering fingers.
 
-The shells are seen and nothing else; what collides are the plain shapes of `panda.toml`, out of which they stand by 20 mm
-at most. Each is a rounded outline swept along an arc: a joint's housing is a drum, and the tube of its link narrows between
-two of them, as the real covers do.
+The shells are visual only. Collisions use the plain shapes of `panda.toml`, from which the shells protrude by 20 mm at
+most. Each shell is a rounded outline swept along an arc: a joint's housing is a drum, and the tube of its link narrows
+between two drums, as the real covers do.
 """
 
 import tomllib

@@ -1,4 +1,4 @@
-"""How one hand picks an item up beyond the other one's reach, presents it in the air, and the other hand takes it.
+"""Handover script: one hand picks up an item beyond the other's reach and presents it in the air; the other takes it.
 
 Both hands approach along y, since the bases stand too close together to exchange anything along the line between
 them. Both are rolled by 45 degrees, so that their fingers cross at a right angle and never meet, and no hand is at a
@@ -29,12 +29,12 @@ SPOTS = 500
 HOVER_M = 0.10
 LIFT_M = 0.18
 EXCHANGE_M, EXCHANGE_SHARE = np.array([0.25, -0.10, 1.075]), np.array([0.9, 0.7, 1.0])
-"""Where the centre of an item is presented that lies in the middle of the area, and by how much an item's offset from there along
-x, y and up shifts it; within easy reach of both arms."""
+"""Where the centre of an item from the middle of the area is presented, and the factors by which an item's offset from that
+middle along x, y and z shifts it; within easy reach of both arms."""
 YAW_LIFTS_M_RAD = 0.08
-"""An item that is turned is presented higher or lower by this per rad."""
+"""Change of the presented height per rad of an item's yaw."""
 CLEARANCE_M = 0.12
-"""How far the right hand waits before the item and the left one withdraws."""
+"""Distance at which the right hand waits before the item, and by which the left hand withdraws."""
 LEFT_PRESENTS = Pose.looking((0, 0, 0), approach=(0, -1, 0), opening=(1, 0, 1))
 RIGHT_RECEIVES = Pose.looking((0, 0, 0), approach=(0, 1, 0), opening=(-1, 0, 1))
 

@@ -3,15 +3,16 @@
 The paper counts it among the tasks that one arm cannot do, since both buttons have to be down at the same time. Buttons
 are at least 38 cm apart; one hand, laid down flat from fingertips to wrist, presses both of them up to 36 cm.
 
-Who does not read cannot know which two are meant: the same three colours occur with different answers, wherever they
-lie (40 % right by guessing).
+Without the instruction, the two buttons cannot be known: the same three colours occur with different answers in any
+layout (guessing is right in 40 %).
 
 Departures from the original: both caps must be down together, as the paper's text says, for half a second; the
 original is satisfied when the first and some time later the second has been touched. The five variations are triples of
-our own choice; of the original's first five, three share their distractor, which is never asked for. Buttons keep 38 cm
-apart, where the original's may overlap. It draws one button in either half of the table, the first colour's in the right
-one, which gives the answer away; here the right hand takes the nearer to its side, whichever is named first. Pressing
-the third button, too, does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a base.
+our own choice; of the original's first five, three share their distractor, which is never to be pressed. Buttons keep 38 cm
+apart, where the original's may overlap. The original draws one button in either half of the table, the first colour's in
+the right half, which gives the answer away; here the right hand presses the one nearer to its side, whichever is named
+first. Pressing the third button, too, does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a
+base.
 
 In the setting `varied` each button stands on a box of its own height, up to 8 cm: six numbers decide. Caps are 24 mm wide.
 """
@@ -93,7 +94,7 @@ class DualPushButtons(Task):
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
-        """Three buttons that any two hands could press two of; which one is to be left alone is drawn afterwards."""
+        """Place three buttons so that the two hands can press any two; the one to leave alone is drawn afterwards."""
         poses = _draw_apart({arm: scene.arm_pair.base_pose(arm) for arm in ARMS}, rng)
         if poses is None:
             return False
@@ -134,7 +135,7 @@ def press(scene: SceneView, left_button: str, right_button: str) -> Iterator[Sta
 
 
 def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose] | None:
-    """Three poses in order of y, uniform among those that are apart and in reach, the middle one of both arms; None if unlucky."""
+    """Three poses in order of y, uniform over those apart and in reach (the middle one of both arms); None if none is found."""
     for _ in range(MAX_DRAWS):
         drawn = (AREA.sample(rng, TABLE_HEIGHT_M) for _ in BUTTONS)
         poses = sorted(drawn, key=lambda pose: pose.position[1])

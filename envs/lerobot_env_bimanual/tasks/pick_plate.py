@@ -3,8 +3,8 @@
 The paper asks that the plate be securely grasped and lifted, and calls it difficult, not impossible, for one arm. The left
 hand presses on one side of the rim, until the other side rises high enough for the right hand to pinch it. A single hand that
 pushes the plate over the table's edge can pinch it there, so the plate may not be moved by more than 10 cm before it is lifted;
-the expert moves it by one at most. A hand that is half open and steep can jam a finger under the rim where it lies, so each of
-the two has to touch the plate while it is tipped and still low.
+the expert moves it by 1 cm at most. A steep, half-open hand can jam a finger under the rim of a plate that lies flat, so each
+hand has to touch the plate while it is tipped and still low.
 
 Departures from the original: the plate must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height alone. The plate weighs 120 g instead of half
@@ -41,7 +41,7 @@ PLATE = Plate("plate", radius_m=0.075, height_m=0.012, mass_kg=0.12)
 AREA = PlacementArea(center_m=(0.20, -0.155), half_size_m=(0.14, 0.215))
 SUCCESS_HEIGHT_M = 1.00
 MAX_SHIFT_M, LIFTED_M, TIPPED_DEG = 0.10, 0.06, 15.0
-"""How far the plate may be moved before it is lifted, from which height on it is, and how far it leans under either hand before."""
+"""Largest shift of the plate before it is lifted, rise at which it counts as lifted, and least lean under each hand before."""
 
 VARIED_AREA = PlacementArea(center_m=(0.21, -0.17), half_size_m=(0.075, 0.16))
 VARIED_RADII_M = (0.074, 0.078, 0.082, 0.086)
@@ -125,7 +125,7 @@ class PickPlate(Task):
 
 
 def _stages(scene: SceneView, pose_now: Callable[[], Pose]) -> Iterator[Stage]:
-    """The stages in which the left hand presses and the right one pinches, given the plate's pose with its x axis that way."""
+    """Stages in which the left hand presses and the right one pinches; `pose_now`'s x axis points to the pinched side."""
     flat, plate = pose_now(), scene.prop(Plate, "plate")
     ahead, aside, up = flat.rotation.T
     press_m = flat.apply((INSIDE_RIM_M - plate.radius_m, 0.0, PRESS_Z_M))

@@ -4,10 +4,10 @@ The paper counts it among the tasks that one arm cannot do. The box of 50 kg sli
 a single arm stalls at its torque limits unless it pushes at one end and then at the other, so that the box turns to and fro:
 the box may never be turned by more than 12 degrees. The expert's turns by 4.
 
-It asks for more force than users of a real Panda set as a limit of contact: 186 N to slide, 93 N from each hand, and
-up to 175 N from one of them while the box gains speed. The motors have it: the hands push with the outer sides of their
-palms, 6 cm wide and straight in front of the wrists, and lean towards each other, so that the sixth joints, which gave all
-they had behind a flat hand, bear little of it.
+The task needs more force than users of a real Panda set as a contact limit: 186 N to slide the box, 93 N from each hand,
+and up to 175 N from one of them while the box gains speed. The motors can deliver it: the hands push with the outer sides
+of their palms, 6 cm wide and straight in front of the wrists, and lean towards each other, so that the sixth joints, which
+were saturated behind a flat hand, bear little of the force.
 
 Departures from the original: friction is 0.38 instead of 0.5. The box's centre must come to rest in the 10 cm square at
 the target's centre; the original is satisfied as soon as any part of the box touches that square, which a motion that
@@ -62,7 +62,7 @@ ABOVE_M = 0.017
 TOUCH_M = 0.010
 """Distance of the palm's side: a centimetre from the box, so that it does not strike it, nor land on it when rounded."""
 PRESS_M = 0.010
-"""So deep both hands press before they push: else one bears the box's start alone, with a centimetre's run-up."""
+"""Depth to which both hands press before they push: otherwise one hand would start the box alone, with 1 cm of run-up."""
 ABOVE_Z_M = 0.985
 PUSH_Z_M = 0.775
 """Centre of a voxel; fingertips a centimetre and a half above the table, the palm's side just below the box's top."""

@@ -1,9 +1,9 @@
 """Put the bottle in the fridge.
 
-The paper counts it among the tasks that one arm cannot do, for reachability. Here it is the door that asks for two: a
-spring shuts it within half a second of being let go, so the right hand holds it open while the left one puts the bottle in.
-An arm that drags the door ajar with the bottle in its hand can slip in alone, so once the bottle has to be inside with the left
-hand at it, and the right hand at the door, without the left arm.
+The paper counts it among the tasks that one arm cannot do, for reachability. Here the door requires two arms: a spring
+shuts it within half a second of its release, so the right hand holds it open while the left one puts the bottle in. A single
+arm could drag the door ajar and slip in with the bottle in its hand. So at one tick the left hand must touch the bottle
+inside while the right hand touches the door and the left arm does not.
 
 Departures from the original: the bottle's foot must be in the upper compartment, below its shelf, with no arm
 touching the bottle; the original asks for any part of the bottle in a lower volume and for two hands that hold

@@ -46,7 +46,7 @@ def register[T: Task](task_class: type[T]) -> type[T]:
 
 
 def _check(task: Task) -> None:
-    """Refuse data with which episodes would look right and not be."""
+    """Raise a `ValueError` for data whose episodes would seem right but be wrong."""
     spec = task.spec
     for name in ("instructions", "suites"):
         if isinstance(given := getattr(spec, name), str):

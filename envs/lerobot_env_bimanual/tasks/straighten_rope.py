@@ -112,7 +112,7 @@ class StraightenRope(Task):
         tail = scene.pose(ROPE.tail), scene.pose("tail_plate") @ Pose.upright((0, -INSET_M, 0))
         head = scene.pose(ROPE.head), scene.pose("head_plate") @ Pose.upright((0, INSET_M, 0))
         left_base, right_base = (pose.position for pose in scene.arm_pair.base_poses)
-        # Each arm takes the end that is to lie, and lies, further on its own side; or the other one.
+        # Each arm takes the end whose place and plate lie further on its own side; by plan 1, the other end.
         left, right = sorted(
             (tail, head),
             key=lambda end: (end[0].position + end[1].position) @ (right_base - left_base),

@@ -56,14 +56,15 @@ MAX_SHIFT_M = 0.04  # of the pan, from where it was placed: it is swept into, no
 
 # The left hand: straight down on the stick, its fingers so that no sweep passes near a singularity.
 ABOVE_M, BELOW_END_M = 0.095, 0.015
-"""How far below the stick's end it is held, and above that approached: centres of voxels, as in sweeps, so that rounding cancels out."""
+"""Heights above the grasp: of the approach, and of the stick's end. Centres of voxels, as in sweeps: rounding cancels out."""
 TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
 FORK_Y_M, LEFT_END_M, LEFT_X_M = -0.035, (-0.125, 0.0, 0.0), -0.14
 """Strokes start before the fork, or the stick catches on a prong, and with the head's left end clear of the left arm's base."""
 BEHIND_DIRT_M, BEHIND_SHARE, SWEEP_TO_M = 0.06, 0.2, 0.015
 """A sweep starts this far behind the last lump, plus a share of the heap's distance from the middle, and ends before the pan's."""
 TOWARDS_M, ACROSS_M = 0.05, 0.02
-"""A slanting stroke starts square to its way to a point before the pan's middle; it ends beyond, square to the pan, as it trails."""
+"""A slanting stroke starts square to the line to a point before the pan's middle. It ends beyond the middle, square to the
+pan, since the broom trails."""
 
 # The right hand: from the side and slightly from above, on the pan's handle.
 HOLD = Pose.looking((0, PAN.handle_y_m, 0.25), approach=(-1, 1, -0.25), opening=(1, 1, 0))
@@ -143,7 +144,7 @@ class SweepToDustpan(Task):
 
 
 def _strokes(scene: SceneView) -> Iterator[tuple[Pose, Pose]]:
-    """Where the broom starts and ends in each stroke, as things lie at the first: straight on, or in `varied` from either heap."""
+    """Start and end pose of the broom in each stroke, from the scene at the first: one stroke, or in `varied` one per heap."""
     pan = scene.pose(PAN.name)
     lumps_m = np.array([pan.inverse().apply(scene.pose(crumb.name).position)[:2] for crumb in CRUMBS])
     for side in (-1, 1) if scene.is_varied else (0,):

@@ -5,8 +5,8 @@ opens the door and makes way, while the left one already waits where it reaches 
 
 Departures from the original: every point of the tray must be above the oven's top while both fingers of one hand hold
 it, as the paper's text has it; the original's code asks only that the tray has left its rack and is released. The
-oven turns by 32 degrees to either side of 70, about a point 48 cm before its middle that lies anywhere in 30 x 28 cm, so that
-its middle moves by 65 x 40 cm; the original turns it by 45 degrees to either side of 53. The door weighs 0.8 kg instead of
+oven is turned by up to 32 degrees from 70 (45 from 53 in the original), about a point 48 cm before its middle. That point
+lies anywhere in 30 x 28 cm, so that the oven's middle moves by 65 x 40 cm. The door weighs 0.8 kg instead of
 0.1, its brake holds 0.15 N m instead of 1.0, and its hinge is damped by 3 N m s, so that it sinks open by itself when it
 is let go of half-way: a horizontal hand cannot follow its handle all the way down. Its bar sits on rubber and gives by 12 mm,
 so that a hand beside its arc is not pulled with 100 N. The rack's brake is 0.5 N instead of 0.1, and damped by 2 N s/m.

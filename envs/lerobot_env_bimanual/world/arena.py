@@ -15,10 +15,10 @@ from lerobot_env_bimanual.world.textures import add_material, boards, plaster
 PHYSICS_STEP_S = 0.002
 
 FRICTION = (0.5, 0.005, 0.0001)
-"""Sliding, m of torsion, m of rolling, of all that states none of its own; 0.5 slides in the original simulator, too.
+"""Default friction: sliding, torsional (m) and rolling (m). The original simulator's sliding friction is 0.5, too.
 
-Of two surfaces that touch the larger friction is at work, unless one has priority (the grippers' rubber), so a prop's
-own value counts against table, arms and furniture where it is at least this.
+MuJoCo uses the larger friction of two geoms in contact, unless one has priority (the grippers' rubber). So a prop's
+own value counts against table, arms and furniture if it is at least this.
 """
 
 TABLE_CENTRE_XY_M = (0.27, 0.0)
@@ -92,7 +92,7 @@ def _add_walls(spec: mujoco.MjSpec) -> None:
     world = spec.worldbody
     x, y = TABLE_CENTRE_XY_M
     plane, side, half_height = mujoco.mjtGeom.mjGEOM_PLANE, ROOM_HALF_SIDE_M, ROOM_HEIGHT_M / 2
-    # A plane's size is that of its picture; where it stops things it has no end.
+    # A plane's size is only that of its image; for collisions it is infinite.
     world.add_geom(name="floor", type=plane, pos=(x, y, 0), size=(side, side, 1), material="floor")
     ceiling = {"pos": (x, y, ROOM_HEIGHT_M), "quat": (0, 1, 0, 0), "rgba": CEILING}
     world.add_geom(type=plane, size=(side, side, 1), **ceiling, **prop.VISUAL_ONLY)

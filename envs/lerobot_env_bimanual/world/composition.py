@@ -30,12 +30,12 @@ type Picture = tuple[NDArray[np.uint8], NDArray[np.float32]]
 
 
 class Composition:
-    """The images of one scene from its cameras, each that of the whole scene, bit for bit.
+    """Draws one scene from its cameras incrementally; each image equals, bit for bit, that of the whole scene drawn at once.
 
-    For a camera in the room only what moves is drawn, over a backdrop: the room itself (with furniture and the bases of
-    the arms), drawn again when some of it is put elsewhere or painted, and the props that sleep, until one of them is
-    moved. For a camera on a hand, what is out of view is left out, and floor and walls come last, where only what nothing
-    hides is shaded.
+    For a camera in the room, only what moves is drawn, over a backdrop. The backdrop shows the room itself (with furniture
+    and the bases of the arms), redrawn when a part of it is moved or recoloured, and the sleeping props, redrawn when one
+    is moved. For a camera on a hand, geoms out of view are left out, and floor and walls are drawn last, so that only
+    their visible pixels are shaded.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, offscreen: Offscreen):
@@ -69,8 +69,8 @@ class Composition:
             self._backdrops.clear()
         self._list(self._moving, ~self._room & ~self._asleep, self._options)
         self._is_simple = self._each_pixel_shows_one_geom()
-        # Of geoms that are equally near the one drawn last is seen, so what touches the floor stays after it in the order;
-        # where that is more than the room itself, all keep their places.
+        # Of equally near geoms, the one drawn last is seen, so geoms that touch the floor must stay after it.
+        # If any geom other than the room's touches a plane, all geoms keep their places in the order.
         at_planes = reach_planes(self._model, self._data, self._planes)
         self._drawn_last = np.zeros_like(at_planes) if (at_planes & ~self._room).any() else at_planes
 
@@ -129,13 +129,13 @@ class Composition:
             groups[:] = kept
 
     def _looks(self, geoms: Geoms) -> bytes:
-        """All about geoms that a scene may change."""
+        """Poses and colours of geoms: all that a scene may change of them."""
         data, model = self._data, self._model
         fields = (data.geom_xpos, data.geom_xmat, model.geom_rgba)
         return b"".join(field[geoms].tobytes() for field in fields)
 
     def _each_pixel_shows_one_geom(self) -> bool:
-        """Whether nothing lets through, mirrors or shades what is behind or before it, nor blends at edges."""
+        """Whether no geom is translucent or reflective, and neither shadows nor anti-aliasing are drawn."""
         model, quality = self._model, self._offscreen.quality
         alpha = np.concatenate([model.geom_rgba[:, 3], model.mat_rgba[:, 3]])
         is_opaque = ((alpha == 0) | (alpha == 1)).all() and not model.mat_reflectance.any()
@@ -162,10 +162,10 @@ class Backdrop:
         self._offscreen = offscreen
 
     def behind(self, front: Pixels) -> Backdrop | None:
-        """A fresh image of this and of other geoms in `front` of it, bit for bit the one that is drawn at once.
+        """A new image of this one with the geoms of `front` laid over it, bit for bit as if all were drawn at once.
 
-        Of all that falls on a pixel the depth test keeps the nearest, whatever is drawn first. None where a geom of one is
-        exactly as near as one of the other, for then it counts which is drawn first.
+        The depth test keeps the nearest geom at each pixel, in any drawing order. The result is None if geoms of both are
+        exactly equally near at some pixel, since the drawing order then counts.
         """
         is_front = front.nearness > self.nearness
         if np.any((front.nearness == self.nearness) & (front.nearness > 0)):
@@ -185,7 +185,7 @@ def _whole_pixels(rgb: NDArray[np.uint8]) -> NDArray[np.void]:
 
 
 def in_view(model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: float, margin: float) -> Geoms:
-    """Those that may reach into a camera's image, enlarged by a margin: their bounding sphere does, or they have none."""
+    """Geoms whose bounding sphere reaches into a camera's image, enlarged by a margin, and geoms without one."""
     half_height = margin * math.tan(math.radians(model.cam_fovy[camera]) / 2)
     half_width = aspect * half_height
     # Of the image's sides, in MuJoCo's camera frame.
@@ -198,7 +198,7 @@ def in_view(model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: flo
 
 
 def reach_planes(model: mujoco.MjModel, data: mujoco.MjData, planes: Geoms) -> Geoms:
-    """Those whose bounding box touches or crosses one of the planes, which have no end here, or is behind it."""
+    """Geoms whose bounding box touches, crosses or is behind one of the planes, which count as infinite."""
     frames = data.geom_xmat.reshape(-1, 3, 3)
     middles = data.geom_xpos + (frames @ model.geom_aabb[:, :3, None])[..., 0]
     normals = data.geom_xmat[planes, 2::3]

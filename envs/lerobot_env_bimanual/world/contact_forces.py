@@ -37,7 +37,7 @@ class ContactForces:
             bodies = model.geom_bodyid[geoms[deepest]]
             self._deepest = depth_m, ", ".join(model.body(body).name for body in bodies)
         arms = self._arm_of_geom[geoms]
-        # Neither of no arm, nor of one with itself.
+        # Leave out contacts without an arm, or of an arm with itself.
         outside = np.flatnonzero((arms[:, 0] != arms[:, 1]) & (rows >= 0))
         if not len(outside):
             return

@@ -18,9 +18,9 @@ GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST = 0x2801, 0x2700
 GL_TEXTURE_MAG_FILTER, GL_NEAREST = 0x2800, 0x2600
 
 SOFT_PX = 160
-"""Side of the largest images that are drawn twice as large: of larger ones edges are finer, and it would cost too much."""
+"""Side of the largest images that are drawn twice as large: larger ones have finer edges, and would cost too much."""
 COARSE_PX = 256
-"""Side of the largest images that show arms coarsely: finer ones would cost more than all the rest."""
+"""Side of the largest images that show arms by coarse meshes: fine meshes would cost more than everything else."""
 
 _making_a_context = threading.Lock()  # MuJoCo and its bindings keep display and drivers in globals
 
@@ -45,12 +45,12 @@ class Quality:
 
 
 class Pixels(NamedTuple):
-    """What one camera sees as OpenGL draws it: bottom row first, and twice as large where edges are soft.
+    """One camera's image as OpenGL draws it: bottom row first, and twice as large if `Offscreen.is_soft`.
 
     Attributes:
         rgb: (rows, columns, 3) uint8.
         nearness: (rows, columns) float32, depth as OpenGL keeps it: 1 at the near plane, 0 at the far plane and where
-            nothing is. Unlike 1 minus it, it tells apart all that the depth test told apart.
+            nothing is hit. Unlike 1 minus this value, it distinguishes all depths that the depth test distinguished.
     """
 
     rgb: NDArray[np.uint8]
@@ -63,10 +63,10 @@ class Offscreen:
     Attributes:
         quality: as given.
         aspect: width of the images over their height.
-        is_soft: whether what is drawn is twice as large as the images.
-        is_coarse: whether coarse looks will do.
-        margin: by which more is drawn than an image shows, as a factor.
-        free: gives all of it back; called at interpreter exit if not before.
+        is_soft: whether images are drawn twice as large and averaged.
+        is_coarse: whether coarse meshes are drawn.
+        margin: factor by which the drawn view is larger than the image's.
+        free: frees all OpenGL resources; called at interpreter exit if not before.
     """
 
     def __init__(self, model: mujoco.MjModel, height: int, width: int, quality: Quality):
@@ -78,7 +78,8 @@ class Offscreen:
         self.is_coarse = max(height, width) <= COARSE_PX
         self.margin = 1.0
         if self.is_soft:
-            # Half a pixel more all around: every pixel's middle is that of a drawn one, which has neighbours.
+            # Half a pixel more on each side, so that each image pixel's middle is the middle of a drawn pixel
+            # that has neighbours.
             self.margin = 1 + 0.5 / height
             height, width = 2 * height + 1, 2 * width + 1
         self._shape = (height, width)
@@ -99,7 +100,7 @@ class Offscreen:
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self.free = weakref.finalize(self, _free, gl, self._mjr)
-        # At interpreter exit the driver goes when MuJoCo says, which has said so by now; what is said later comes first.
+        # MuJoCo's exit handler, which unloads the driver, is registered by now; later handlers run before it.
         self.free.atexit = False
         atexit.register(self.free)
 

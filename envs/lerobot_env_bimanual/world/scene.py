@@ -156,7 +156,7 @@ class Scene(SceneView):
         self.model.geom(geom).rgba = rgba
 
     def place_like(self, other: "Scene") -> None:
-        """Place and colour things as in another scene, whose props come first here, right after `reset`; shapes may differ."""
+        """Place and colour props as in another scene, right after `reset`; its props come first here, but shapes may differ."""
         self.data.qpos[: other.model.nq] = other.data.qpos
         self.data.userdata[: other.model.nuserdata] = other.data.userdata
         for field, pristine in zip(RESETTABLE_FIELDS, other._pristine, strict=True):
@@ -294,10 +294,10 @@ class Scene(SceneView):
         mujoco.mj_step1(self.model, self.data)
 
     def _forget_falling_asleep(self) -> None:
-        """Make what sleeps a function of its position alone.
+        """Make inertias and accelerations of sleeping bodies depend on positions alone.
 
-        MuJoCo leaves inertias and accelerations as they were a moment before a thing fell asleep, and starts from
-        them when it wakes. They are not part of its state, from which an episode must continue bit for bit.
+        MuJoCo keeps their values from just before a body fell asleep, and starts from them when it wakes. They are
+        not part of MuJoCo's state, from which an episode must continue bit for bit.
         """
         slept = self._tree_awake.tobytes(), self._prop_positions.tobytes()
         if slept == self._forgotten:

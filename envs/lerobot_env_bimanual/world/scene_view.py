@@ -135,7 +135,7 @@ class SceneView:
     # -- contacts -----------------------------------------------------------------------------------------
 
     def contacts(self, body_a: str | tuple[str, ...], body_b: str | tuple[str, ...]) -> bool:
-        """Whether two bodies, or one of several and one of others, each with all bodies below it, touch."""
+        """Whether `body_a`, or one of several, touches `body_b`, or one of several; subtrees are included."""
         a, b = self.geoms(body_a), self.geoms(body_b)
         first, second = self.data.contact.geom.reshape(-1, 2).T
         return bool(np.any((a[first] & b[second]) | (b[first] & a[second])))

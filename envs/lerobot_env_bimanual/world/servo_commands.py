@@ -14,12 +14,12 @@ STEPS_PER_TICK = round(TICK_S / PHYSICS_STEP_S)
 
 
 class ServoCommands:
-    """The commands of one tick after the other.
+    """Computes the servo commands of successive ticks.
 
     Arm targets follow the quadratic B-spline of the actions, half a tick behind them: their velocity is continuous, and
-    their acceleration within a tick is that which the last three actions tell. They are advanced by what the servos
-    lag for velocity and inertia, so that the arms follow them without delay. Finger targets go to where they are sent
-    at the fingers' speed.
+    their acceleration within a tick follows from the last three actions. They are advanced by the lag of the servos due
+    to velocity and inertia, so that the arms follow without delay. Finger targets move to the commanded opening at the
+    fingers' speed.
 
     Args:
         model: compiled; the arms come first in it.
