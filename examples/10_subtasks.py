@@ -1,11 +1,11 @@
-"""What the expert does, stage by stage and in words, in the columns that LeRobot keeps for language.
+"""Write the names of the expert's stages into a dataset, in the columns that LeRobot keeps for language.
 
 lerobot-bimanual dataset generate --task=lift_ball --episodes=10 --view=both --root=data/lift_ball
 python examples/10_subtasks.py --root=data/lift_ball
 lerobot-bimanual dataset verify --root=data/lift_ball
 
-Experts know their stages by name. `dataset generate` leaves the names out, as LeRobot's recorder has no language columns; LeRobot adds
-them to finished datasets, and so does this. docs/datasets.md says who reads them.
+The stages of experts have names. `dataset generate` leaves these out, as LeRobot's recorder has no language columns; LeRobot
+adds such columns to finished datasets, and so does this script. docs/datasets.md says who reads them.
 """
 
 import argparse

@@ -1,7 +1,8 @@
-"""Print how far the hands of a policy of joint actions are from the expert's at each keypose, where a chunk of it ends there.
+"""Print how far the hands that a policy of joint actions predicts are from the expert's at each keypose.
 
-From the frame TICKS before each keypose of each demonstration the policy predicts a chunk; its last action that counts is
-the one with which the expert reached the keypose. Demonstrations that were not trained on show what it cannot predict yet.
+From the frame TICKS before each keypose of each demonstration the policy predicts a chunk; action number TICKS of it is
+compared with the one by which the expert reached the keypose. Demonstrations that the policy was not trained on show what it
+cannot predict yet.
 Usage: chunk_errors.py --checkpoint=outputs/act/checkpoints/last/pretrained_model --root=data/val [--ticks=20]
 """
 
@@ -59,7 +60,7 @@ def policy(checkpoint: Path) -> Predict:
 
 
 def measure(predict: Predict, dataset: LeRobotDataset, ticks: int) -> Iterator[dict[str, Any]]:
-    """Of each demonstration, keypose (from 1) and arm the distance in cm; keyposes sooner than TICKS after the start have none."""
+    """The distance in cm for each demonstration, keypose (from 1) and arm; keyposes before tick TICKS are left out."""
     columns = dataset.hf_dataset.with_format("numpy")[:]
     episodes, actions = columns["episode_index"], np.stack(columns[ACTION]).astype(np.float64)
     kinematics = ArmPair().kinematics

@@ -1,9 +1,9 @@
-"""What MkDocs asks for while it builds the site: pages that are generated, and files of the repository that pages name.
+"""Hooks that MkDocs calls while it builds the site: they add generated pages, and rewrite links to files of the repository.
 
-The home page is README.md. A link to what the site does not have leads into the repository, or becomes its text where that has
-no address yet.
+The home page is README.md. A link to a file that is not on the site leads to the repository, or becomes plain text if the
+repository has no address yet.
 
-As a program it films the experts for the pages of the tasks, where that has not been done in their present world.
+Run as a program, it films the experts for those task pages that have no film of their present world.
 """
 
 import posixpath
@@ -63,7 +63,7 @@ def on_files(files: Files, config: MkDocsConfig) -> None:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Let links lead to where the site has what the repository has elsewhere."""
+    """Rewrite links between files of the repository so that they work on the site."""
     uri = page.file.src_uri
     folder = posixpath.dirname(SOURCES.get(uri, f"docs/{uri}"))
     uris = {source: page_uri for page_uri, source in SOURCES.items()}
@@ -81,7 +81,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def _task(name: str) -> str:
-    """What a task's file says at its head, its instructions, and its film if there is one."""
+    """The page of a task: its module's docstring, its instructions, and its film if there is one."""
     task = get_task(name)
     page = TASK.format(
         spec=task.spec,

@@ -1,10 +1,10 @@
 """Thirteen bimanual tasks in MuJoCo as a Gymnasium and LeRobot environment.
 
-Importing this package registers the Gymnasium ids `bimanual/PushBox-v0`, ... and nothing heavier than Gymnasium; the
-names in `__all__` are imported when they are first used. LeRobot's plugin discovery imports it too, always from inside
-LeRobot, and then the environment type `bimanual` is registered as well. Without LeRobot in the process it is left out, so
-that worker processes of vector environments, which import this package to build their environment, start without LeRobot
-and torch. To use the type in a script that imports this package before LeRobot, import `BimanualEnvConfig` from here.
+Importing this package registers the Gymnasium ids `bimanual/PushBox-v0`, ... and imports nothing heavier than Gymnasium;
+the names in `__all__` are imported when they are first used. If LeRobot is in the process, as when its plugin discovery
+imports this package, the environment type `bimanual` is registered as well. Otherwise it is not, so that worker processes
+of vector environments, which import this package to build their environment, start without LeRobot and torch. To use the
+type in a script that imports this package before LeRobot, import `BimanualEnvConfig` from here.
 """
 
 import sys

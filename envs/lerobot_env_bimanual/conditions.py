@@ -3,8 +3,8 @@
 A task succeeds when all its conditions hold for half a second; their names are what `info["conditions"]`,
 failure reports and tests print. All positions are in metres, world frame.
 
-Most say how things are now. `Once` and `Always` say how it came to that: they are judged after every control tick, and
-the episode remembers what was found.
+Most conditions are about the present state. `Once` and `Always` are about all ticks so far: they are evaluated after every
+control tick, and the episode remembers the results.
 """
 
 import functools

@@ -1,4 +1,4 @@
-"""The program `lerobot-bimanual-eval`: LeRobot's own evaluation, of checked flags and checkpoints, with one bar."""
+"""The program `lerobot-bimanual-eval`: `lerobot-eval`, with flags and checkpoints checked first, and one progress bar."""
 
 import logging
 import sys
@@ -34,7 +34,7 @@ def main() -> int:
 
 
 def _check(values: Mapping[str, str]) -> None:
-    """Check what LeRobot would refuse half a minute later, or take for the name of something on the Hub."""
+    """Refuse flags that LeRobot would refuse half a minute later, or would take for a name on the Hub."""
     if not values.get("policy.path"):
         raise BimanualError(
             "--policy.path=FOLDER is missing: the folder `pretrained_model` of a trained policy"
@@ -83,7 +83,7 @@ def _evaluate(values: Mapping[str, str]) -> None:
 
 
 def _learned_from(checkpoint: Path) -> list[str]:
-    """Flags of the environment whose images and actions a checkpoint learned from, as far as its config says so."""
+    """Flags of the environment (image size, control mode) with which a checkpoint was trained, if its config has them."""
     config = read_json(checkpoint / CONFIG_FILE) if (checkpoint / CONFIG_FILE).is_file() else {}
     images = [
         each for key, each in (config.get("input_features") or {}).items() if key.startswith(IMAGE_PREFIX)

@@ -43,7 +43,7 @@ def release_gl() -> None:
 
 
 def missing_gl(error: Exception) -> MissingGL:
-    """Why no context could be made, where this was raised instead, and how to mend it."""
+    """The error that says why no context could be made, and how to fix it; `error` is what was raised instead."""
     backend = os.environ.get("MUJOCO_GL", "")
     if backend.lower().strip() != "egl":
         return MissingGL(f"MUJOCO_GL is {backend!r}, which draws nothing here", "set MUJOCO_GL=egl")
@@ -60,10 +60,10 @@ def missing_gl(error: Exception) -> MissingGL:
 
 @contextlib.contextmanager
 def device_chosen() -> Iterator[None]:
-    """Have the first context of this process made on a GPU of its own, where there are several.
+    """Choose a GPU for the first OpenGL context of this process, if there are several.
 
-    Ranks of a job and their workers take one after the other, of those in CUDA_VISIBLE_DEVICES, and the next one where
-    theirs cannot be used. Where the user has chosen a device, or MuJoCo has one, nothing changes.
+    Ranks of a job and their workers are spread over the GPUs in CUDA_VISIBLE_DEVICES; a process whose GPU cannot be used
+    takes the next one. If the user has chosen a device, or MuJoCo already has one, nothing changes.
     """
     module: Any = sys.modules.get("mujoco.egl")
     is_open = bool(module) and module.EGL_DISPLAY is None and DEVICE not in os.environ
@@ -119,8 +119,8 @@ except (AttributeError, RuntimeError):
 
     os.environ["MUJOCO_GL"] = wanted
 
-# Its bindings give MuJoCo a clock, which is read thirty times a step for timers that are not used here. As their
-# setter puts it back in place of None, the pointer is cleared itself, where the loader finds it.
+# The bindings give MuJoCo a clock, which is read thirty times a step for timers that are not used here. Their
+# setter replaces None by that clock, so the pointer in the loaded library is cleared directly.
 with contextlib.suppress(OSError, ValueError):
     ctypes.c_void_p.in_dll(ctypes.CDLL(sys.modules["mujoco._callbacks"].__file__), "mjcb_time").value = None
 

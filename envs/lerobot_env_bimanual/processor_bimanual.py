@@ -9,8 +9,8 @@ from torch import Tensor
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 
 PARTS = 4096
-"""Of one radian, and of a gripper's opening. In 1762 poses that ACT commanded, rounding moves the fingertips by 0.07 mm in the
-mean, 0.19 mm at most; a Panda repeats a position within 0.1 mm (its data sheet)."""
+"""Steps of one radian, and of a gripper's full opening. In 1762 poses that ACT commanded, rounding moves the fingertips by
+0.07 mm in the mean, 0.19 mm at most; a Panda repeats a position within 0.1 mm (its data sheet)."""
 
 
 @dataclass

@@ -22,7 +22,7 @@ from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 OWN_IDS = 1000
-"""Lowest number of a task without one of its own."""
+"""Lowest id that is computed from a task's name."""
 
 type Script = Callable[[SceneView], Iterator[Stage]]
 
@@ -46,21 +46,21 @@ class TaskSpec:
 
     Attributes:
         name: snake_case, also the module's name.
-        id: position in the PerAct2 paper's list of tasks, part of every episode's seed, never reused. Other tasks leave it out,
-            and have a number that comes from their name.
+        id: position in the PerAct2 paper's list of tasks, part of every episode's seed, never reused. Other tasks leave it out;
+            their id is computed from their name.
         instructions: sentence templates over `Variation.words`; the first one is canonical.
-        suites: those it belongs to, apart from `all`: its row of the paper's table of coordination, in words.
+        suites: suites of the task besides `all`: its entries in the paper's table of coordination, as words.
         props: the things of the scene besides robots and table, in the setting `standard`.
         success: conditions that all have to hold; see `Task.conditions` for those of one variation.
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
         variations: one row per variation, in order of their index.
-        varied: sets of props of the setting `varied`, of which each episode has one; they have the same names in the same
-            order. Without any, things are those of `standard`.
+        varied: sets of props of the setting `varied`; each episode draws one. All have the same names in the same order. If
+            there are none, `varied` uses `props`.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
-        plans: names of the ways in which the expert may do it, such that both arms must go the same one; the first is that of
-            every episode but some of `dataset generate --plans=several`.
-        load_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
-            (`lerobot_env_bimanual.experts.load`) are too low for it; the task's file says why.
+        plans: names of the expert's plans, of which both arms must follow the same one; the first is used unless another one is
+            chosen, as by `dataset generate --plans=several`.
+        load_bounds: bounds on the load on the expert's arms, by name, that replace those of all tasks
+            (`lerobot_env_bimanual.experts.load`) where these are too low; the task's file says why.
     """
 
     name: str
@@ -77,7 +77,7 @@ class TaskSpec:
     load_bounds: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Give a task without a number that of its name."""
+        """Compute the id from the name if the task leaves it out."""
         if self.id < 0:
             object.__setattr__(self, "id", OWN_IDS + zlib.crc32(self.name.encode()))
 
@@ -153,7 +153,7 @@ class Task(ABC):
         """
 
     def by_plan(self, variation: Variation, plan: int = 0) -> Script:
-        """The script by the plan of this number; the scripts of tasks with several plans take it as `plan`."""
+        """The script that follows the plan with this number; scripts of tasks with several plans have an argument `plan`."""
         return partial(self.script, variation=variation, **({"plan": plan} if plan else {}))
 
     def conditions(self, variation: Variation) -> tuple[Condition, ...]:
@@ -161,14 +161,13 @@ class Task(ABC):
         return self.spec.success
 
     def reading(self, scene: SceneView, variation: Variation) -> Script | None:
-        """The script that follows the instruction of another variation in this scene; None if the scene lacks its things.
+        """The script that follows the instruction of another variation in this scene; None if the scene lacks its props.
 
-        A script may take for granted that the scene was placed for its variation; such a task says here what the
-        instructions of other variations mean.
+        A task whose script assumes that the scene was placed for its variation overrides this method.
         """
         return partial(self.script, variation=variation)
 
     def readings(self, scene: SceneView) -> list[Script]:
-        """A script for every instruction that names what is in the scene, in the order of the variations."""
+        """A script for every instruction that can be followed in the scene, in the order of the variations."""
         scripts = (self.reading(scene, variation) for variation in self.spec.variations)
         return [script for script in scripts if script is not None]

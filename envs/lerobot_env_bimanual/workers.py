@@ -192,12 +192,13 @@ class WorkerPool:
 
 
 def end_with_parent() -> None:
-    """Have a worker leave Ctrl-C to the process that started it, and end when that does; nothing in a main process."""
+    """Make a worker leave Ctrl-C to its parent, and end when its parent ends; does nothing in a main process."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # At once, however busy: the process that forked us ends with our parent. `await_end` sees a parent that has ended already.
+    # SIGKILL ends even a busy worker when the fork server ends, which ends with our parent. `await_end`
+    # notices a parent that has ended already.
     end_when_parent_ends(signal.SIGKILL, os.getppid())
 
     def await_end() -> None:
@@ -208,9 +209,9 @@ def end_with_parent() -> None:
 
 
 def _prepare_fork_server() -> None:
-    """In the process that workers are forked from: have it end with its parent, also amid its imports, which may take long.
+    """Make the fork server, from which workers are forked, end with its parent, even during its imports, which may take long.
 
-    It takes along the socket of `multiprocessing`, which a killed parent cannot remove.
+    It then removes the socket of `multiprocessing`, which a killed parent cannot remove.
     """
     command = "".join(sys.orig_argv[-1:])
     found = re.match(r"from multiprocessing\.forkserver import main; main\((\d+), (\d+)", command)

@@ -24,11 +24,11 @@ from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK
 MAX_DRAWS = 200
 CODECS = (None, KeyposeCodec())
 PROTECTIVE_STOP = "protective stop"
-"""Beginning of the failure of an episode that ended so."""
+"""Prefix of the failure of an episode that ended by a protective stop."""
 MAX_FORCE_N = 100.0
-"""With which an arm may press, unless the task has a bound of its own."""
+"""Force with which an arm may press, unless the task has a bound of its own."""
 MAX_PRESS_S = 0.1
-"""For how long it may press harder."""
+"""Time for which an arm may press harder."""
 
 
 class EpisodeReset:
@@ -97,9 +97,9 @@ class ProtectiveStop:
         self.note_step = self._forces.note
 
     def judge(self, progress: EpisodeProgress) -> None:
-        """Look at the steps of a tick."""
+        """Fail the episode if an arm has pressed too hard for too long, up to this tick."""
         forces_n, _, _ = self._forces.take()
-        # The last ones: those of a tick that was interrupted may come before.
+        # Only the steps of this tick: those of a tick that was interrupted may come before.
         felt_n = felt(forces_n[-STEPS_PER_TICK:], progress.felt_n)
         progress.felt_n = felt_n[-1]
         for pressed_n in np.linalg.norm(felt_n, axis=-1):
@@ -113,7 +113,7 @@ class ProtectiveStop:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A scene with what plans, resets, draws and, with the option `protective_stop`, ends episodes in it."""
+    """A scene with its planner, its reset, its renderer and, with the option `protective_stop`, its protective stop."""
 
     scene: Scene
     planner: KeyposePlanner
@@ -130,7 +130,7 @@ class Worlds:
         self._compiled: dict[int, World] = {}
 
     def __getitem__(self, prop_set: int) -> World:
-        """That of a set of props; compiled if it is not there yet."""
+        """The world of a set of props; compiled at its first use."""
         if prop_set not in self._compiled:
             changes, setting = self._changes, self._options.setting
             props = self._task.spec.prop_sets(setting)[prop_set]

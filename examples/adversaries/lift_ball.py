@@ -15,7 +15,7 @@ GAP_M = 0.05
 
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
-    """Pressed by so much at so low a point of the ball, and raised slowly or quickly."""
+    """Every choice of how far the hand presses into the ball, how low, and how fast it goes up."""
     return every_choice(_alone, arm=[arm], press_m=(0.03, 0.08), low_m=(0.0, -0.06), speed_m_s=(0.2, 0.6))
 
 

@@ -12,11 +12,11 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.tasks.straighten_rope import ABOVE_Z_M, GRASP_Z_M, ROPE
 
 END_SHARE = 0.07
-"""By how much of the plates' distance an end's middle of its plate is passed, so that the rope is pulled tight."""
+"""Share of the plates' distance by which an end is dragged beyond its plate's middle, so that the rope is pulled tight."""
 
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
-    """Either end first; dragged beyond its plate so far; the second one slowly or with a jerk."""
+    """Either end first, dragged beyond its plate by either share; the second end slowly or with a jerk."""
     tail, head = (ROPE.tail, "tail_plate"), (ROPE.head, "head_plate")
     ends = ((tail, head), (head, tail))
     return every_choice(_alone, arm=[arm], speed_m_s=(0.3, 1.2), beyond=(0.2, 0.4), ends=ends)

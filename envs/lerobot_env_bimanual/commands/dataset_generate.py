@@ -34,18 +34,19 @@ class DatasetGenerateConfig:
     view: Literal["frames", "keyframes", "both"] = "keyframes"
     image_size: str = "256"  # side in pixels, or HEIGHTxWIDTH
     cameras: tuple[str, ...] = CAMERA_NAMES  # whose images are stored; calibration covers all five
-    # Store depth beside the colours: by default in `keyframes` alone, as keypose policies need it and LeRobot's own policies,
-    # which learn from `frames`, take every image for colours.
+    # Store depth beside the colours. By default only in `keyframes`: keypose policies need it, but LeRobot's
+    # own policies, which learn from `frames`, would read it as colours.
     depth: bool | None = None
     # Further rows of `keyframes`, at these fractions of each stage's motion, e.g. 0.35,0.7.
     intermediate: tuple[float, ...] = ()
     # Voxels per axis to which keyposes are rounded before they are executed and stored; 0 leaves them exact.
     discretise: int = 0
-    # What is perturbed: AXIS:LEVEL, several separated by commas. Nothing is in nominal episodes.
+    # Perturbations AXIS:LEVEL, several separated by commas. By default episodes are nominal.
     perturb: str = ""
     # in `varied` sizes, heights and places of things differ more
     setting: Literal["standard", "varied"] = "standard"
-    # `several`: the same scenes by each of a task's plans, where they allow all of them; the column `plan` says which.
+    # `several`: scenes that allow all plans of their task are recorded by each of them; the column `plan`
+    # says which.
     plans: Literal["one", "several"] = "one"
     workers: int = 0  # shards recorded at the same time; 0 takes one per core
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose

@@ -70,12 +70,12 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
     With --axes it evaluates the expert and the open-loop baseline in every condition, one axis at one level, and writes one
     small file per task. Axes that change only what is seen or said are left out, since these players act there as in the
     nominal world. A condition is valid if the expert solves 97 %; `policy robustness` counts no other. A file keeps the
-    seeds of the expert's failures; `--perturb=AXIS:LEVEL` plays them again and says why they failed, where an axis moves
-    things during an episode, such as nudge, with `--player=replanning`. Conditions that a file has already are played
-    again only if their world has changed, so that with further axes or levels it grows.
+    seeds of the expert's failures; `--perturb=AXIS:LEVEL` plays them again and says why they failed. Axes that move things
+    during an episode, such as nudge, need `--player=replanning` for that. Conditions that a file already has are played
+    again only if their world has changed; those of further axes or levels are added.
 
-    An interrupted run with --output continues where it stopped. A report in its place is extended: tasks that it has with
-    the same options, versions and world are not played again, and others stay in it. One of other options is replaced.
+    An interrupted run with --output continues where it stopped. An existing report is extended: tasks that it has with the
+    same options, versions and world are not played again, and its other tasks stay. A report of other options is replaced.
 
     Examples:
         lerobot-bimanual expert evaluate --task=lift_ball --episodes=300 --output=outputs/expert.json

@@ -18,10 +18,11 @@ An `InvalidAction` leaves a single environment as it was: its caller made a mist
 In a vector environment it ends the episode of its own environment as a failure, as no caller can correct one of many
 (see `lerobot_env_bimanual.vector`).
 
-Joint actions that are read are then kept within what real arms can follow. Two consecutive ones may differ by what a Panda's
-joints move in a tick at most, and that difference may change by what they accelerate ("Limits" of the Franka Control Interface
-documentation, as in `robots.panda`). An action beyond it is replaced by one within it, such that the arm catches up with what is
-wanted as soon as it can and without passing it. The experts stay far below, so their actions go through as they are.
+Joint actions are then limited to what real arms can follow. Two consecutive ones may differ by at most what a Panda's joints
+can move in a tick, and that difference may change by at most what they can accelerate ("Limits" of the Franka Control
+Interface documentation, as in `robots.panda`). An action beyond these limits is replaced by one within them, such that the arm
+catches up with the wanted action as soon as it can without overshoot. The experts stay far below the limits, so their actions
+are not changed.
 """
 
 import numpy as np

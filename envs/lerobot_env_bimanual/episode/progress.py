@@ -38,12 +38,12 @@ class EpisodeProgress:
         keyposes: keyposes executed so far.
         held_ticks: consecutive ticks up to now at which all conditions were met.
         first_met_tick: number of ticks after which they were all met for the first time; None as long as they were not.
-        asked: (16,) the last joint action that the arms were given, `change` by how much it differed from the one before, and
-            `wanted` the one that it stands for.
+        asked: (16,) the last joint action that the arms were given; `change` is its difference from the one before, and
+            `wanted` is the same action before it was limited.
         clipped_ticks: ticks whose joint action was faster than arms can follow, and was replaced by a slower one.
-        clipped_rad: by how much at most, in any joint.
-        felt_n: (2, 3) filtered net force on each arm, world frame; as `pressed_steps` (2,), the steps of physics for which it
-            has been too large, only known with the option `protective_stop`.
+        clipped_rad: largest difference between such an action and its replacement, in any joint.
+        felt_n: (2, 3) filtered net force on each arm, world frame; `pressed_steps` (2,) counts the physics steps for which it
+            has been too large. Both are only known with the option `protective_stop`.
         line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
         disturbances: how often an axis of perturbation has moved things.
         failure: what ended the episode, empty while nothing has.
@@ -85,7 +85,7 @@ class EpisodeProgress:
         return self.succeeded or bool(self.failure)
 
     def ask(self, wanted: NDArray[np.float32], asked: NDArray[np.float32]) -> None:
-        """Remember the joint action (16,) that the arms are asked for in the place of a wanted one."""
+        """Remember a wanted joint action (16,), and the one that the arms are given in its place."""
         self.change = np.subtract(asked, self.asked, dtype=np.float64)
         self.asked, self.wanted = asked.copy(), wanted.copy()
         if asked is not wanted:
@@ -93,7 +93,7 @@ class EpisodeProgress:
             self.clipped_rad = max(self.clipped_rad, float(np.abs(asked - wanted).max()))
 
     def judge(self, conditions: Iterable[Condition], scene: SceneView) -> None:
-        """Take into account how things are after a tick; of the conditions of one tick only as far as the first unmet one."""
+        """Evaluate the conditions after a tick; those of a single tick only as far as the first unmet one."""
         self.on_the_way = on_the_way(conditions, scene, self.on_the_way)
         self.conditions = check(conditions, scene, self.on_the_way, until_unmet=True)
         self.held_ticks = self.held_ticks + 1 if all(self.conditions.values()) else 0

@@ -1,7 +1,7 @@
-"""Agreement of the arms in tasks that can be done by several plans: which of them each arm's first choice follows.
+"""Agreement of the arms in tasks with several plans: which plan each arm's first choice follows.
 
-The first choice of an arm is its keypose at the index from which on the plans send it to different places; it follows the plan whose
-place is nearest. Scenes that do not allow all plans leave nothing to choose.
+The first choice of an arm is its keypose at the first index at which the plans send it to different places. It follows the plan
+whose place is nearest. Scenes that do not allow all plans leave nothing to choose.
 """
 
 from collections.abc import Iterable, Mapping
@@ -46,7 +46,7 @@ def common_plan(env: BimanualEnv, episode: Episode) -> int:
 
 
 def plans_of_arms(env: BimanualEnv, actions: Iterable[NDArray[np.float32]]) -> list[int | None]:
-    """Number of the plan that left and right arm follow at first, by what is a keypose; None of an arm that comes to no choice."""
+    """Numbers of the plans that left and right arm follow at first, by the keyposes among actions; None without a choice."""
     chosen_keyposes = [each for each in actions if each.size == KEYPOSE_DIM and np.isfinite(each).all()]
     plans = [keyposes_by(env, plan) for plan in range(len(env.task_definition.spec.plans))]
     followed: list[int | None] = [None, None]

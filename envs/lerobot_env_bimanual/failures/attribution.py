@@ -2,13 +2,13 @@
 
 A failed episode is replayed with a snapshot before every keypose. From each snapshot, the last one first, the expert takes
 over with both arms: it plays the keyposes of its own episode of the same seed, from the same index on, in the remaining
-time. The last keypose before which that succeeds is the one that lost the episode. Then the half of one arm alone is
-replaced at this keypose, before the expert goes on with both.
+time. The last keypose before which that succeeds is the one that lost the episode. At this keypose, the half of one arm
+alone is then replaced by the expert's, before the expert continues with both arms.
 
-Where both arms follow another plan of the task at first, the expert follows that one.
+If both arms follow another plan of the task at first, the expert follows that plan, too.
 
-Under perturbations that move bodies after the start, the replanning expert takes over. It needs one keypose more, so a
-policy that does without it may be saved one keypose later than it was lost.
+Under perturbations that move bodies after the start, the replanning expert takes over. It needs one keypose more; for a
+policy that does without it, the keypose that is found may be one too late.
 """
 
 from collections.abc import Iterable, Mapping

@@ -12,9 +12,9 @@ ABSENT = "–"
 def behaviour(
     episodes: Sequence[Episode], failures: Sequence[Attribution], expert_ticks: Mapping[int, int]
 ) -> dict[str, str]:
-    """What episodes of one policy on one task were like, as cells of a table by heading.
+    """Measures of behaviour in the episodes of one policy on one task, as cells of a table by heading.
 
-    Of the failures a sample is enough; `expert_ticks`, the control ticks that the expert took by seed, may lack some.
+    `failures` may be a sample; `expert_ticks`, the control ticks that the expert took by seed, may lack seeds.
     """
     rate = success_rate(episodes)
     shares = [each.reached for each in failures if each.reached is not None]

@@ -152,10 +152,10 @@ class EpisodeMonitor:
 
 
 class _Runs[Key]:
-    """What is so for several ticks in a row.
+    """Facts that hold for several ticks in a row.
 
     Attributes:
-        lasting: what was so for `MIN_TICKS`, and the tick from which it first was.
+        lasting: facts that held for `MIN_TICKS`, and the tick at which each first began to.
     """
 
     def __init__(self):
@@ -163,7 +163,7 @@ class _Runs[Key]:
         self._ticks: Counter[Key] = Counter()
 
     def note(self, tick: int, now: Iterable[Key]) -> None:
-        """Note what is so at a tick."""
+        """Note the facts that hold at a tick."""
         self._ticks = Counter({key: self._ticks[key] + 1 for key in now})
         for key, ticks in self._ticks.items():
             if ticks == MIN_TICKS:

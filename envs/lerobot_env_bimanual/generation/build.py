@@ -17,10 +17,10 @@ PRELOADED = ("lerobot_bimanual.dataset.writer",)
 """Seven seconds of LeRobot and torch, which workers import once for all of them."""
 
 type RecordShards = Callable[[Sequence[Job], Callable[[int], object]], None]
-"""Records shards in any order; calls what it is given with the number of episodes that were recorded since the last call."""
+"""Records shards in any order; calls the given function with the number of episodes recorded since its last call."""
 
 type Executor = AbstractContextManager[RecordShards]
-"""Who records; ends everything that it has started."""
+"""Context in which shards are recorded; at its end it stops everything that it has started."""
 
 
 @contextmanager

@@ -1,9 +1,9 @@
 """The plan: which seeds are tried, and in which shards.
 
-Seed number c of a task, `first_seed + c`, has the c-th of its variations in turn; where there are several plans, it is a
-candidate for each. A dataset holds the first successes of every variation and plan, in the order of the seeds, so its content
-depends on nothing but the settings, however many processes tried the seeds. Candidates come in rounds: the first has as many as
-episodes are wanted; each further one replaces the failures of the rounds before.
+The seeds of a task, `first_seed` and those after it, take its variations in turn; with several plans, each seed is a candidate
+for every plan. A dataset holds the first successes of every variation and plan, in the order of the seeds, so its content
+depends only on the settings, however many processes tried the seeds. Candidates come in rounds: the first round has as many
+as episodes are wanted; each further round replaces the failures of the rounds before.
 """
 
 from collections import Counter

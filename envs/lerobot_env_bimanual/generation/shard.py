@@ -74,10 +74,10 @@ def write_views(
     is_perturbed: bool,
     **how: Any,
 ) -> None:
-    """Write episodes as one dataset per view in a folder, as none if there are no episodes.
+    """Write episodes as one dataset per view in a folder; no dataset if there are no episodes.
 
-    Each is written before the next one is played. Where an episode `is_perturbed`, cameras may be elsewhere, so every row holds
-    its calibration. `size` and what else is given are arguments of `ViewWriter`.
+    Each episode is written before the next one is played. If `is_perturbed`, cameras may have moved, so every row holds its
+    calibration. `size` and all further arguments are those of `ViewWriter`.
     """
     from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 

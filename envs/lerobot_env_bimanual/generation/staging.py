@@ -29,11 +29,11 @@ ALMOST_FULL_BYTES = 2**20
 """A disk with less space is taken for full; image writers hide the reason of their failures."""
 
 REFUSALS = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.ENAMETOOLONG)
-"""Of the system, whatever space is left."""
+"""Errors with which the system refuses a write, whatever space is left."""
 
 ORIGIN, SHARDS, TEMPORARY, REPORT = "origin.json", "shards", "tmp-", "report.json"
 LEFTOVERS = (TEMPORARY, f".{ORIGIN}.")
-"""With what the names of files begin that a killed run was writing."""
+"""Prefixes of the names of files that a killed run was writing."""
 
 
 @dataclass(frozen=True)

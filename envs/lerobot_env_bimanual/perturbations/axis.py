@@ -88,7 +88,7 @@ class Axis[Memory]:
         disturb: changes the world after a tick, and counts in `progress.disturbances` when it has moved things. Keyposes and
             the joint actions that execute them meet the same changes.
         for_training: whether it is meant for demonstrations alone, so that tests and sweeps leave it out.
-        late_ticks: ticks by which, at a magnitude, commands of a keypose's motion arrive late; its end is waited for.
+        late_ticks: ticks by which commands arrive late at a magnitude; a keypose's motion is extended by as many.
     """
 
     name: str

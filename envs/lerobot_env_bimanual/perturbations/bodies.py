@@ -67,9 +67,9 @@ def _has_joints(task: TaskSpec, model: mujoco.MjSpec) -> bool:
 def _scale_friction(start: Start) -> None:
     """Scale the friction of all surfaces and pairs.
 
-    Of two surfaces that touch MuJoCo takes the friction of the one with priority (the grippers' rubber, wet glaze, the
-    ball), else the larger one; pairs of their own overrule both. A thing's own value alone would change few contacts or
-    none. All values times one factor change each contact by that factor, whichever rule applies to it.
+    For two touching surfaces MuJoCo uses the friction of the one with priority (the grippers' rubber, wet glaze, the
+    ball), else the larger friction; explicit contact pairs override both. Scaling only a thing's own value would change few
+    contacts or none. Scaling all values by one factor scales each contact by that factor, whichever rule applies to it.
     """
     model, factor = start.scene.model, start.magnitude
     start.scene.alter(geom_friction=model.geom_friction * factor, pair_friction=model.pair_friction * factor)

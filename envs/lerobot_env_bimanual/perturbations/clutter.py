@@ -52,7 +52,7 @@ DIRECTIONS = np.stack([f(np.arange(32) * np.pi / 16) for f in (np.cos, np.sin)])
 
 
 class Obstacles:
-    """What is on the table, doors and drawers on their ways, and the ways of hands between both ends of each stage."""
+    """All things on the table, the space that doors and drawers sweep, and the paths of the hands in each stage."""
 
     def __init__(self, scene: Scene, stages: Sequence[tuple[BimanualKeypose, BimanualKeypose]]):
         self._centres, self._rotations, self._half_m = map(np.concatenate, zip(*_boxes(scene), strict=True))
@@ -120,7 +120,7 @@ def _add_parked(model: mujoco.MjSpec, magnitude: float) -> None:
 
 
 def _place(start: Start) -> None:
-    """Place one after the other; take the last away for as long as the arms cannot do the task beside them."""
+    """Place the things one after the other; then remove the last ones until the arms can do the task."""
     scene, placed = start.scene, []
     obstacles = Obstacles(scene, list(_stages(start)))
     for index in range(int(start.magnitude)):

@@ -53,7 +53,7 @@ class Conditions:
         yield from ((axis.name, level) for axis in self.axes for level in self.levels)
 
     def played_as(self, key: ConditionKey) -> ConditionKey:
-        """The condition whose episodes are those of players that do not look: of axes that are only seen, the nominal one."""
+        """The condition that the expert and the open-loop baseline play: nominal for axes that change only observations."""
         is_only_seen = {axis.name: axis.changes_only_observations for axis in self.axes}
         return ("", 0) if is_only_seen.get(key[0]) else key
 
@@ -146,7 +146,7 @@ def read_earlier[Result: (RobustnessResult, ExpertRobustnessReport)](
 
 
 def check_same(path: Path, name: str, theirs: object, ours: object) -> None:
-    """Raise a `BimanualError` if an earlier result is of another measurement: what is called `name` differs from ours."""
+    """Raise a `BimanualError` if the value called `name` in an earlier result differs from ours."""
     if theirs != ours:
         raise BimanualError(
             f"{path} has {name} {theirs!r}, but here it is {ours!r}; choose another --output, or remove the file to "

@@ -122,7 +122,7 @@ class EpisodeLog(Journal[_Line]):
         self._outcomes[key] = outcome
 
     def _key(self, spec: EpisodeSpec) -> str:
-        """Of the code, too: a process that runs still adds lines below the header of one that began after an edit."""
+        """Key of a spec and the code: after an edit, a process of the old code may still add lines to the new log."""
         return hashlib.sha256((self._code + json.dumps(asdict(spec), sort_keys=True)).encode()).hexdigest()
 
 

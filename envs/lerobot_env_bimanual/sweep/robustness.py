@@ -1,4 +1,4 @@
-"""The sweep of a policy: it, the expert and the open-loop baseline on the same episodes of every condition of a task."""
+"""Sweep of a policy: the policy, the expert and the open-loop baseline play the same episodes in every condition of a task."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
-"""Who is evaluated on which seeds; the evaluation's episodes as they end, in the log and on disk.
+"""Evaluations: which policy is evaluated on which seeds, and its finished episodes in the log and on disk.
 
-LeRobot's evaluation keeps rewards and successes only; why an episode failed is known here.
+LeRobot's evaluation keeps only rewards and successes; this module also keeps why episodes failed.
 """
 
 import logging
@@ -38,16 +38,16 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a program evaluates, as far as it says so.
+    """What a program evaluates, as far as it is known.
 
     Attributes:
         policy: as in `EvaluationHead`; empty if unknown.
-        seeds: seeds of the episodes that were asked for; None if unknown. Others only fill up the last batch, and are not
-            played.
-        random_state: the state of all random numbers of the process, as a text.
-        set_random_state: brings the random numbers back into such a state.
+        seeds: seeds of the requested episodes; None if unknown. Episodes of other seeds only fill up the last batch, and are
+            not played.
+        random_state: returns the state of all random number generators of the process, as a text.
+        set_random_state: restores such a state.
         trained_worlds: task -> version of the world in which the policy learned it, where its config says so.
-        shows_bar: whether a bar counts the episodes that were asked for.
+        shows_bar: whether a progress bar counts the requested episodes.
         is_kept: whether the folder of the record stays, so that the log names it.
     """
 
@@ -95,10 +95,10 @@ class KeptEpisodes:
             self.open()
 
     def open(self) -> None:
-        """Take over what is there, unless that has been done.
+        """Open the files and read the episodes that they already hold, unless they are open.
 
         Raises:
-            BimanualError: it is of another evaluation, or of one that is running.
+            BimanualError: they are of another evaluation, or of one that is running.
         """
         if self._journal is not None:
             return
@@ -152,7 +152,7 @@ class KeptEpisodes:
         return settled
 
     def finish(self) -> str:
-        """Write the record if every episode that was asked for is there; says where the episodes are, "" if there are none."""
+        """Write the record if it has every requested episode; returns where the episodes are, or "" if there are none."""
         if self._journal is None or self._head is None:
             return ""
         missing = [seed for seed in self._evaluation.seeds or () if seed not in self.known]

@@ -110,8 +110,8 @@ class LazyVectorEnv(VectorEnv):
     way only one task's environments hold processes and memory. It can be used again after `close`. Automatic
     resets happen at the step after an episode's end and change nothing, see `HoldAfterDone`.
 
-    With `results_dir`, an episode that was played before is not played again: it is over, as it was then, after
-    one step. So LeRobot's loop goes on where it was interrupted, and what it sums up is whole.
+    With `results_dir`, an episode that was played before is not played again: it ends after one step, with its
+    recorded success. So LeRobot's loop continues where it was interrupted, and its summary covers all episodes.
 
     An action that cannot be executed, such as a NaN, ends the episode of its own environment as a failure; the others go on.
     If the lengths of all actions are wrong, no environment steps and an error is raised. A worker process that dies is one

@@ -1,6 +1,6 @@
-"""What `lerobot-eval` evaluates: its own command line, read again by LeRobot's own parser.
+"""Finds out what `lerobot-eval` evaluates: reads its command line again with LeRobot's own parser.
 
-LeRobot tells an environment neither the policy nor the number of episodes.
+LeRobot passes neither the policy nor the number of episodes to an environment.
 """
 # No postponed annotations: LeRobot's parser reads them as types.
 
@@ -26,11 +26,11 @@ OURS = "lerobot-bimanual-eval"
 
 
 def evaluation_of_program() -> Evaluation:
-    """What this process evaluates; nothing is known of it unless it is `lerobot-eval` or ours of that kind.
+    """What this process evaluates; unknown unless the program is `lerobot-eval` or `lerobot-bimanual-eval`.
 
     Raises:
-        BimanualError: LeRobot would record the evaluation, which it cannot, or play tasks at once with a policy of its own,
-            which has one queue of actions.
+        BimanualError: LeRobot would record the evaluation, which does not work here, or play several tasks at once with one
+            of its own policies, which has a single queue of actions.
     """
     program = Path(sys.argv[0]).stem.replace("_", "-")
     if program not in ("lerobot-eval", OURS):

@@ -16,9 +16,9 @@ from lerobot_env_bimanual.verification.fault import Fault
 class Player:
     """Plays episodes of datasets again, as they were recorded; keeps the last one.
 
-    An episode is recorded once more, from its seed, by the expert. Where its keyposes, joint actions and states are
-    those of the dataset, the dataset's keyposes and joint actions lead to the dataset's states: the simulation is given
-    the same numbers. So one play answers for both kinds of replay, and for both views of an episode.
+    The expert plays an episode once more, from its seed. If its keyposes, joint actions and states equal those of the
+    dataset, the dataset's keyposes and joint actions lead to the dataset's states, as the simulation is given the same
+    numbers. So one play verifies both kinds of replay, and both views of an episode.
     """
 
     def __init__(self):

@@ -1,4 +1,4 @@
-"""What a check says when something is wrong."""
+"""Findings of checks: what is wrong, and where."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,23 +7,23 @@ from dataclasses import dataclass
 from lerobot_bimanual.errors import BimanualError
 
 READABLE = "readable"
-"""Check whether something can be read at all; nothing else is checked of what cannot."""
+"""Name of the check that a view or an episode can be read at all; if it fails, nothing else of it is checked."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something wrong: what was found and what was expected; with the row of the episode unless it concerns all of it."""
+    """A fault: what was found and what was expected; `row` is given if it concerns a single row of the episode."""
 
     text: str
     row: int | None = None
 
 
 class Findings(dict[str, list[Fault]]):
-    """Check -> what is wrong, an empty list for a check that passed."""
+    """Check -> its faults; an empty list for a check that passed."""
 
     @contextmanager
     def of(self, check: str) -> Iterator[list[Fault]]:
-        """The list of a check, for as long as it runs; a check that breaks is a finding, too.
+        """The list of faults of a check, while it runs; an exception of the check becomes a fault, too.
 
         Damaged files make libraries raise nearly anything. What a check cannot read has not passed, and all other checks
         and episodes are still reported.

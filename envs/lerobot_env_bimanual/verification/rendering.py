@@ -22,11 +22,11 @@ BLOCK = 8
 """Side in pixels of the blocks in which a frame of a video is compared: a whole frame hides what is small."""
 
 MAX_BLOCK_ERROR, MAX_OFFSET = 350.0, 3.0
-"""Largest mean squared error of a block, and of the mean over a frame, of a decoded frame to a new image, in grey levels.
+"""Largest mean squared error of a block, and largest error of a frame's mean, of decoded to new images, in grey levels.
 
 The new image's colours are halved in resolution first, as H.264 stores them (4:2:0). Measured on sound videos at 32 and 64
-pixels, every frame of three tasks and some of four others: up to 296 and 1.9. Of the image of a tick before, half of the
-frames have a block beyond 1000.
+pixels, every frame of three tasks and some of four others: up to 296 and 1.9. Compared with the image of the tick before,
+half of the frames have a block beyond 1000.
 """
 
 
@@ -63,10 +63,10 @@ def new_images(
 
 
 def difference(image: NDArray, new: NDArray, is_video: bool) -> str:
-    """What tells a stored image from a new one, for a sentence; empty if nothing does.
+    """How a stored image differs from a new one, as part of a sentence; empty if it does not.
 
-    Depth and images in tables have to be equal to the pixel. Colours of videos have lost a little: every block of a frame
-    has to be like the new image's.
+    Depth and images in tables must be equal in every pixel. Colours of videos are lossy, so every block of a frame must only
+    be close to the new image's.
     """
     if image.dtype == np.uint16:
         error_mm = int(np.abs(image.astype(np.int32) - new).max())

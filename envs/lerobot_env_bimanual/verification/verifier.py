@@ -22,7 +22,7 @@ COMPLETE = "images complete"
 def check_files(root: Path) -> Findings:
     """What is wrong with the files of a view, by check.
 
-    Where there are links or pipes that is all that is said, as every other check would follow them.
+    If there are links or pipes, only these are reported, as every other check would follow them.
     """
     if odd := plain_files(root)[1]:
         return Findings({READABLE: [Fault(text) for text in odd]})
@@ -86,9 +86,9 @@ class Verifier:
 def _inspected_images(
     reader: ImageReader, episode: int, rows: int, incomplete: list[Fault]
 ) -> Iterator[tuple[str, int, NDArray]]:
-    """(key, row, image) of all images of an episode that has so many rows, key by key.
+    """(key, row, image) of all images of an episode with `rows` rows, key by key.
 
-    An image that cannot be decoded ends its key; `incomplete` gets what is found.
+    After an image that cannot be decoded, the rest of its key is skipped; faults are added to `incomplete`.
     """
     for key, shape in reader.shapes.items():
         row, form = 0, (shape, np.dtype(np.uint16 if reader.is_depth(key) else np.uint8))
