@@ -8,7 +8,7 @@ from lerobot_bimanual.errors import BimanualError
 CONFIG_FILE = "config.json"
 TRAIN_CONFIG_FILE = "train_config.json"
 BELOW = ("pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model")
-"""Paths of a checkpoint below the folders of a training that are given in its place."""
+"""Paths of a checkpoint below folders of a training that users may give instead of the checkpoint."""
 
 
 def require_checkpoint(folder: Path) -> None:
@@ -26,13 +26,13 @@ def require_checkpoint(folder: Path) -> None:
 
 
 def require_checkpoint_if_local(path: str) -> None:
-    """`require_checkpoint` of what LeRobot takes as a folder or as `owner/name` on the Hub, unless it can only be the latter."""
+    """Call `require_checkpoint`, unless the path can only be `owner/name` on the Hub; LeRobot accepts that or a folder."""
     if Path(path).parent.is_dir() or path.count("/") != 1:
         require_checkpoint(Path(path))
 
 
 def how_to_resume(training: Path) -> str:
-    """How a training goes on whose folder this is, for a message."""
+    """The part of a message that says how to resume the training in this folder."""
     config = next(filter(Path.is_file, (training / path / TRAIN_CONFIG_FILE for path in BELOW)), None)
     if config is None:
         return f"there is no checkpoint at {training / BELOW[-1]}"

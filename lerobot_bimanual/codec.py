@@ -1,7 +1,7 @@
-"""Discrete keyposes in NumPy: what a policy would command in the place of an expert.
+"""Rounds keyposes in NumPy to those that a policy can predict.
 
-The experts' keyposes are rounded so when their success with rounded keyposes is measured. `codec_torch` has the bins
-as tensors, for the policies.
+This rounding serves to measure the experts' success with rounded keyposes. `codec_torch` has the bins as tensors, for
+the policies.
 """
 
 import numpy as np

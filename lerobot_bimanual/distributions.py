@@ -1,4 +1,4 @@
-"""What is installed: versions, what distributions add through entry points, and what they lack, found without importing it."""
+"""Installed distributions: their versions, entry points and missing requirements, found without importing them."""
 
 import importlib.util
 import platform
@@ -35,7 +35,7 @@ def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, 
 
 
 def other_c_library(versions: Mapping[str, str]) -> str:
-    """That recorded versions have another C library than this process, in words; empty if not, or if they do not say."""
+    """A note that the recorded C library differs from that of this process; empty if it is equal or was not recorded."""
     here = installed_versions([C_LIBRARY])[C_LIBRARY]
     made = versions.get(C_LIBRARY, here)
     return "" if made == here else f"made with the C library {made} (here: {here}), so last bits may differ"

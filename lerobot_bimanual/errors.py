@@ -1,6 +1,6 @@
 """Errors that users see: each says what was got, what is allowed and how to go on.
 
-Text of a file that stands in one is made harmless where it is printed, on a terminal or in a page.
+A message may contain text of a file, which is made harmless where it is printed, on a terminal or in a page.
 """
 
 import difflib

@@ -1,4 +1,4 @@
-"""Signals that are answered otherwise for a while."""
+"""Temporary signal handlers, and a signal when the parent process ends."""
 
 import ctypes
 import os
@@ -18,9 +18,9 @@ AGAIN_S = 1
 def signal_handled(
     number: int, handler: signal.Handlers | Callable[[int, FrameType | None], None]
 ) -> Iterator[None]:
-    """Answer a signal by a handler meanwhile, unless it is ignored, as by `nohup`.
+    """Handle a signal by `handler` inside the block, unless the signal is ignored, as under `nohup`.
 
-    Python lets only the main thread decide this; in others it stays as it is.
+    In Python only the main thread can set a handler; in other threads nothing changes.
     """
     is_main = threading.current_thread() is threading.main_thread()
     if not is_main or signal.getsignal(number) == signal.SIG_IGN:
@@ -35,7 +35,7 @@ def signal_handled(
 
 @contextmanager
 def unwound_by_termination() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind what runs meanwhile, so that its workers end and its temporary files go.
+    """Let SIGTERM and SIGHUP raise SystemExit inside the block, so that workers end and temporary files are removed.
 
     Raises:
         SystemExit: with 128 and the signal's number.

@@ -33,10 +33,10 @@ def by_arm[T: np.generic](actions: NDArray[T]) -> NDArray[T]:
 
 
 def discover_keyframes(actions: ArrayLike) -> list[int]:
-    """Frames at which both arms set off again after a rest, or a gripper changed on the way; the last always.
+    """Frames at which motion resumes after both arms rested, or a gripper changes during motion; the last one always.
 
-    Where grippers change one after the other in one rest, as when a thing is handed over, each change is a keypose
-    that ends when that gripper has had its time.
+    If grippers change one after the other in one rest, as in a handover, each change is a keypose, which ends when that
+    gripper has had `GRIPPER_FRAMES` frames.
 
     PerAct2 takes a frame where a gripper changed or both arms stopped. There the gripper closes between two
     frames; here closing takes half a second, in which the arms rest, so the keypose is complete when the rest

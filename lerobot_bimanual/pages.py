@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 CODE_SPAN = re.compile(r"(`[^`|<>&]+`)")
 MARKUP = {ord(character): f"&#{ord(character)};" for character in "&<>`|[]{}\\"}
-"""All with which Markdown, or HTML inside it, begins a link, a tag, code, a cell or attributes."""
+"""Escapes of the characters that begin a link, a tag, code, a cell or attributes in Markdown or in HTML inside it."""
 
 
 def markdown(text: object, limit: int = MAX_TEXT) -> str:
-    """A text for a paragraph or a cell of a table in Markdown: code spans and emphasis stay, all else is text."""
+    """Escape a text for a paragraph or a table cell in Markdown; code spans and emphasis are kept."""
     parts = CODE_SPAN.split(plain(text, limit))
     return "".join(part if CODE_SPAN.fullmatch(part) else part.translate(MARKUP) for part in parts)
 
@@ -29,9 +29,9 @@ def render(package: str, template: str, **values: object) -> str:
 
     Args:
         package: the Python package that holds the folder `templates`.
-        template: name of the file; what is put into it is escaped, since names and sentences may come from any file, but
-            what the filter `safe` lets through, and what `join`, `fence` and tables have escaped.
-        values: what the template names; a name without a value is an error.
+        template: name of the file. Inserted values are escaped, since names and sentences may come from any file, except
+            the output of the filter `safe`, and of `join`, `fence` and tables, which escape by themselves.
+        values: values of the names in the template; a name without a value is an error.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup

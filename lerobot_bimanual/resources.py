@@ -11,7 +11,7 @@ MEMORY_FILES = (
     ("memory.max", "memory.current", "inactive_file"),
     ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
 )
-"""Limit and usage, and what of it are files that the system drops first; of cgroups v2 and v1."""
+"""For cgroups v2 and v1: limit, usage, and the part of the usage that is file cache, which the system drops first."""
 WORKER_BYTES = 9 * 10**8
 """Memory of a process that simulates and draws: 0.76 to 0.96 GB were measured."""
 

@@ -42,7 +42,7 @@ def print_table(table: pd.DataFrame, title: str = "") -> None:
 
 
 def say(*lines: object) -> None:
-    """Print lines in which text of a file stands: one line each, without its control characters, and not endless."""
+    """Print lines that may contain text of a file: one line each, control characters escaped, cut to `MAX_MESSAGE`."""
     for line in lines:
         print(plain(line, MAX_MESSAGE))
 

@@ -27,7 +27,7 @@ OWN_FLAGS = {
 }
 """Flags that the benchmark sets from its own, which these flags therefore cannot hold."""
 NOT_IN_RECIPES = ("dataset.episodes", "policy.path", "resume", "config_path")
-"""Of the flags of a training those that a recipe cannot hold; the others, but for the seed, have flags that win over it."""
+"""The training flags above that a recipe cannot set; the benchmark overrides the others, except the seed."""
 NUMBERS = ("demos", "image_size", "steps", "batch_size", "save_freq", "val_episodes", "test_episodes")
 """Fields that a recipe and a protocol fill in."""
 
@@ -38,22 +38,23 @@ class BenchmarkConfig:
 
     policy: str = "peract2"  # types of policies, as for lerobot-train, separated by commas
     task: str = "lift_ball"  # tasks and suites, separated by commas; `lerobot-bimanual task list` lists them
-    # `standard`, `few`, `plans`, `varied`, `hard`, `pairings` or `multitask`: what is learned from and tested, which flags
-    # beside it cannot change. With `own` they decide.
+    # `standard`, `few`, `plans`, `varied`, `hard`, `pairings` or `multitask`: fixes the training data and the
+    # test, which other flags then cannot change. With `own` the flags decide.
     protocol: str = OWN
     variation: str | None = None  # index, or `any` for one that each seed draws; by default any
-    # Tasks and suites, this one among them, from whose demonstrations one network learns. Benchmarks of its tasks share it,
-    # and its last checkpoint is scored. By default it learns from this task alone.
+    # Tasks and suites, including `task`, from whose demonstrations one network learns. The benchmarks of
+    # these tasks share it, and its last checkpoint is scored. By default it learns from `task` alone.
     trained_on: str | None = None
-    # `small` or `paper`, of the training and of images and episodes; or a file for `lerobot-train`, FILE.yaml, with images and
-    # episodes of `small`, for any policy that LeRobot knows.
+    # `small` or `paper`, for the training and for images and episodes; or a file for `lerobot-train`,
+    # FILE.yaml, for any policy that LeRobot knows, with images and episodes as in `small`.
     recipe: str = "small"
     demos: int | None = None  # demonstrations; by default 100
     image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
     steps: int | None = None  # optimiser steps; by default the recipe's
     batch_size: int | None = None  # rows of the dataset per step; by default the recipe's
     save_freq: int | None = None  # steps between checkpoints; by default the recipe's
-    # Per checkpoint, of which the best one is tested; by default 0 (small), so that the last one is, or 100 (paper).
+    # Validation episodes per checkpoint, to test the best one; by default 100 (paper), or 0 (small) to test
+    # the last one.
     val_episodes: int | None = None
     test_episodes: int | None = None  # of the tested checkpoint; by default 50 (small) or 100 (paper)
     seed: int = 1000  # of the training
@@ -64,11 +65,12 @@ class BenchmarkConfig:
     demos_perturb: str | None = None  # perturbations of the demonstrations, likewise; by default none
     # `several`: demonstrations of the same scenes by each of the task's plans; see `dataset generate`. By default one.
     demos_plans: Literal["one", "several"] | None = None
-    # Variations of the demonstrations, separated by commas, of which the last checkpoint is scored; by default that of the test.
+    # Variations of the demonstrations, separated by commas; if set, the last checkpoint is scored. By default
+    # that of the test.
     demos_variation: str | None = None
-    # Of each task's demonstrations, so that trainings may differ in them, too.
+    # First seed of each task's demonstrations, so that trainings may differ in them, too.
     first_demo_seed: int = 0
-    # Of the episodes; the splits give other episodes for the same seeds. By default 0.
+    # First seed of the episodes; each split has other episodes for the same seeds. By default 0.
     first_seed: int | None = None
     # Further flags of the training, in one text; they win over the recipe's.
     train_flags: str = ""

@@ -185,8 +185,8 @@ class Pipeline:
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
         """The command that resumes a training from its last checkpoint; None if there is no checkpoint."""
-        # LeRobot's link `last` comes after the numbers of steps; where it leads nowhere, the newest one is taken whose writing,
-        # which may have been cut off, came to the state of the optimizer.
+        # LeRobot's link `last` is sorted after the numbers of steps. If it leads nowhere, take the newest
+        # checkpoint that has the state of the optimizer: the writing of a newer one may have been cut off.
         checkpoints = sorted(folder.glob(f"checkpoints/*/pretrained_model/{TRAIN_CONFIG_FILE}"))
         if not (folder / "checkpoints" / "last").exists():
             state = "training_state/**/optimizer_param_groups.json"

@@ -30,7 +30,7 @@ class Plan:
 
     @classmethod
     def of(cls, config: BenchmarkConfig) -> Self:
-        """The plan of what was asked for, of which `resolve` refuses what is not allowed."""
+        """The plan of a benchmark; `resolve` refuses flags that are not allowed."""
         return cls(
             settings=resolve(config),
             recipe=Recipe.find(config.policy, config.recipe),

@@ -121,7 +121,7 @@ def field_comments(config_type: type) -> dict[str, str]:
 
 
 def _help(flag: Flag, comments: Mapping[str, str]) -> str:
-    """Comment and default; a comment that says what happens by default stands for an empty one."""
+    """Comment and default; an empty default is left out if the comment says what happens by default."""
     comment, default = comments.get(flag.name, ""), flag.default
     if default is dataclasses.MISSING:
         return f"{comment} (required)"

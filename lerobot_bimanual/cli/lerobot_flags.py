@@ -21,7 +21,7 @@ def flag_values(words: Sequence[str]) -> dict[str, str]:
 
 
 def without_ours(words: Sequence[str]) -> list[str]:
-    """What LeRobot is given of a command line: our flags go, and values that follow them as words of their own."""
+    """The words of a command line for LeRobot: without our flags, and without values that follow them as separate words."""
     ours = (f"--{TRUST_FLAG}", f"--{KEEP_FLAG}")
     return [
         word
@@ -45,7 +45,7 @@ def _assignments(words: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _of_file(place: str) -> dict[str, str]:
-    """Kinds and paths that a config file names, as of `--policy.type`; a name on the Hub is LeRobot's matter."""
+    """The entries `type` and `path` of a config file's sections, by flag; a config on the Hub is left to LeRobot."""
     path = Path(place)
     if path.suffix not in (".yaml", ".yml", ".json"):
         return {}

@@ -1,4 +1,4 @@
-"""A program of LeRobot under our name: what can be said before LeRobot's import is said at once, and every failure on one line."""
+"""Runs a program of LeRobot under our name: checks what it can before LeRobot's import, and reports failures on one line."""
 
 import logging
 import os
@@ -19,13 +19,13 @@ MAX_LINES = 3
 
 
 class Filtered:
-    """A stream without dumps, without torchcodec's news, and unless `progress` without LeRobot's bars and reports."""
+    """A stream that drops dumps and torchcodec's messages, and unless `progress` also LeRobot's bars and reports."""
 
     def __init__(self, stream: TextIO, progress: bool):
         self.unfiltered, self._progress, self._shows = stream, progress, progress
 
     def write(self, text: str) -> int:
-        """Write a message, above the bars, unless it is none for people; the end of a line goes with its line."""
+        """Write a text above the bars, or drop it; a line break by itself is treated as the text before it."""
         from tqdm import tqdm
 
         is_bar = text.startswith(("\r", "\x1b", "\n"))

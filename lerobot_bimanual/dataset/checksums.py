@@ -46,7 +46,7 @@ def write_checksums(root: Path) -> None:
 
 
 def checksum_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[str]:
-    """In what a dataset is not as it was published, in one sentence each; nothing if it is.
+    """Yield one sentence for each difference between a dataset and what was published.
 
     Files are found by walking the folder and never by a name that the manifest gives, and links are not followed, so no
     manifest and no link leads to a file elsewhere. Only links within a download of huggingface_hub are followed, from

@@ -38,8 +38,8 @@ SUCCESS, FAILURE_CLASS = "success", "failure_class"
 OUTCOME: dict[str, str] = {SUCCESS: "bool"} | dict.fromkeys(
     (FAILURE_CLASS, "policy", "setting", "perturb"), "string"
 )
-"""Further columns of shape (1,) of policies' episodes: whether it was solved, the class of its failure, "" if it was, and who
-played it under what."""
+"""Further columns of shape (1,) of policies' episodes: success, the class of the failure ("" after a success), the policy,
+and the setting and perturbations."""
 PLAN = "plan"
 PLANS: dict[str, str] = {PLAN: "int64"}
 """A further column of shape (1,) of demonstrations with several plans: which one it is. No policy reads it."""

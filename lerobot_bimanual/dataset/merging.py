@@ -1,9 +1,9 @@
 """Datasets of equal features as one, file by file.
 
 LeRobot's `aggregate_datasets` gives the same values, but its tables lose the lengths of vectors, and no two runs write the
-same bytes, by which a dataset that is made again is known. It also spends over a CPU second per source on lists of the some
-hundred features of its tables. Here videos keep their files and tables get new numbers, so that merging costs next to
-nothing beside recording. A test holds the two against each other.
+same bytes, by which a dataset that is made again is recognised. It also spends over a CPU second per source on lists of the
+about one hundred features of its tables. Here videos keep their files and tables get new numbers, so merging takes almost
+no time compared with recording. A test compares the two.
 """
 
 import json

@@ -93,7 +93,7 @@ class Provenance(Record):
 
 
 def check_version(features: Mapping[str, Any], root: Path) -> None:
-    """Refuse a dataset of another version of the schema; one that does not say its version is not of ours, or was edited."""
+    """Refuse a dataset of another version of the schema; one without a version, not ours or edited, is not refused."""
     info = (features.get(TASK_NAME) or {}).get("info") or {}
     found = info.get(VERSION_INFO, SCHEMA_VERSION)
     if found != SCHEMA_VERSION:

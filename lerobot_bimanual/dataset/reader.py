@@ -132,7 +132,7 @@ class RecordedDataset:
         return RecordedEpisode(index, meta, arrays)
 
     def _misplaced(self, index: int, entry: dict[str, Any], table: pa.Table, path: Path) -> list[str]:
-        """Names of what LeRobot finds the rows of an episode, in this file, by, and does not agree with them."""
+        """Names of the columns and entries by which LeRobot finds an episode's rows in this file and that contradict them."""
         rows, first = np.arange(table.num_rows), self._ends[index] - table.num_rows
         places = [_to_numpy(table, name, kind, path) for name, kind in PLACES.items()]
         timestamp_s, frame_index, position, task_index = places
@@ -154,7 +154,7 @@ class RecordedDataset:
 
 
 class _Feature(Record, extra="ignore"):
-    """Of a feature of LeRobot, what is read here."""
+    """The fields of a LeRobot feature that are read here."""
 
     dtype: str
     shape: Annotated[list[PositiveInt], Field(min_length=1)]
@@ -162,7 +162,7 @@ class _Feature(Record, extra="ignore"):
 
 
 class _Info(Record, extra="ignore"):
-    """Of LeRobot's `meta/info.json`, what is read here."""
+    """The fields of LeRobot's `meta/info.json` that are read here."""
 
     fps: Annotated[int, Field(gt=0, le=1000)]
     features: dict[str, _Feature]
@@ -213,7 +213,7 @@ def find_view(root: str | Path, preferred: Sequence[View] = VIEWS) -> Path:
 
 
 def no_dataset(root: str | Path, flag: str, otherwise: str = "") -> DatasetError:
-    """That there is none at `root`; it names one below, which `flag` may mean, or says something otherwise."""
+    """The error for a missing dataset at `root`; it suggests one below `root` for `flag`, or ends with `otherwise`."""
     below = [path for depth in ("*", "*/*") for path in sorted(Path(root).glob(f"{depth}/{INFO_FILE}"))]
     hint = f". Did you mean {flag}={below[0].parents[1]}?" if below else otherwise
     return DatasetError(f"no dataset at {root}: {Path(root) / INFO_FILE} does not exist{hint}")

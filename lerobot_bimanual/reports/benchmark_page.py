@@ -76,9 +76,9 @@ def results_table(results: Iterable[Scored]) -> pd.DataFrame:
     """One line per result, sorted, protocols in their order.
 
     Returns:
-        Columns `protocol`, `task`, `policy`, `seed`, and the success rates `rate`, `expert` and `open_loop`, of which the last
-        two are None where no benchmark has scored the same. Within a protocol policies bear the names of their types, as it
-        says what they learned from; under `own` the names of results.
+        Columns `protocol`, `task`, `policy`, `seed`, and the success rates `rate`, `expert` and `open_loop`. The last two are
+        None where no benchmark has scored the same. Within a protocol, which says what policies learned from, `policy` is
+        the policy's type; under `own` it is `policy_id`.
     """
     rows, baselines = [], {}
     for each in results:
@@ -95,8 +95,8 @@ def results_table(results: Iterable[Scored]) -> pd.DataFrame:
 def board_table(table: Any) -> pd.DataFrame:
     """Mean success of each policy, the expert and the open-loop baseline in a `results_table`, a column per protocol.
 
-    A policy that was not scored on all tasks of a protocol has no mean. Trainings on one task share its episodes, so the
-    95 % interval from their draw is Wilson's, as if each task had as many as that with the fewest, once.
+    A policy that was not scored on all tasks of a protocol has no mean. The 95 % interval is Wilson's for the draw of the
+    episodes. Trainings share a task's episodes, so these count once, and all tasks as if each had the smallest number.
     """
     once = table.drop_duplicates(["protocol", "task"])
     baselines = [once.assign(policy=name, rate=once[name]) for name in BASELINES]

@@ -263,7 +263,7 @@ class BenchmarkResult(Record):
 
 
 type Scored = BenchmarkResult | EvaluationRecord
-"""A policy's episodes on one task, with how it was trained or without."""
+"""A policy's episodes on one task; only a `BenchmarkResult` says how it was trained."""
 
 
 def read_scored(path: Path) -> Scored:

@@ -131,7 +131,7 @@ def _check_equal(
     results: Iterable[tuple[object, Scored]],
     facts: Callable[[Scored], Mapping[str, object]],
 ) -> None:
-    """Refuse results, each with its name or file, of which facts of equal names differ."""
+    """Refuse results, each with its name or file, if facts of the same name have different values."""
     first: dict[str, tuple[object, object]] = {}
     for place, result in results:
         for name, value in facts(result).items():

@@ -33,10 +33,10 @@ def actions_to_text(actions: ArrayLike) -> str:
 
 
 def actions_from_text(text: str) -> NDArray[np.float32]:
-    """The actions (n, numbers) float32 of such a text.
+    """The actions (n, numbers) float32 of a text by `actions_to_text`.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is malformed.
     """
     head = HEAD.match(text)
     if head is None:
@@ -58,13 +58,13 @@ def actions_from_text(text: str) -> NDArray[np.float32]:
 
 
 LINK_BYTES = 4
-"""Kept of each link but the last: enough to say where two episodes part, while the last one, whole, proves all."""
+"""Bytes kept of each link: enough to find where two episodes diverge. The last link is kept whole, as the proof of all."""
 
 
 class HashChain:
     """Links that each hash the one before, an action, and the state after it.
 
-    The first one hangs on `start`: whatever tells the episode apart, and the state at its start.
+    The first link follows a hash of `start`: what identifies the episode, and its initial state.
     """
 
     def __init__(self, *start: str):

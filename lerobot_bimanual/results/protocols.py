@@ -30,10 +30,10 @@ class Protocol(Flags):
     """One protocol.
 
     Attributes:
-        tasks: that it is for; empty for all.
-        perturb_of: perturbations of the test of tasks that leave nothing to do to one of the others.
+        tasks: tasks of the protocol; empty for all.
+        perturb_of: task -> its own `perturb`, where an axis of the common one finds nothing to change in the task.
         expert: name of the expert that shows whether the test can be solved.
-        rounds: times as many steps as the recipe has, and between its checkpoints.
+        rounds: factor by which the recipe's steps, and those between its checkpoints, are multiplied.
     """
 
     tasks: tuple[str, ...] = ()

@@ -21,8 +21,8 @@ class BadRecord(BimanualError):
 class Record(BaseModel):
     """A frozen record whose every field is as declared: none missing, unknown, converted or not finite.
 
-    Rules between fields are pydantic validators; they use `require`. What is no such record, `read`, `from_json` and `of`
-    refuse by a `BadRecord`, which names the field.
+    Rules between fields are pydantic validators; they use `require`. `read`, `from_json` and `of` refuse an invalid
+    record by a `BadRecord`, which names the field.
     """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)

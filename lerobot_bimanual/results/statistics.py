@@ -81,9 +81,9 @@ def sign_flip_p_value(differences: Sequence[int]) -> float:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values corrected for how many there are (Holm 1979), in the order given.
+    """P-values corrected for multiple testing (Holm 1979), in the order given.
 
-    Rejecting those at most 0.05 rejects a true hypothesis, any of them, in at most one family of twenty.
+    Rejecting those of at most 0.05 keeps the family-wise error rate at or below 5 %.
     """
     given = np.array(p_values, dtype=float)
     order, corrected = np.argsort(given), np.empty_like(given)

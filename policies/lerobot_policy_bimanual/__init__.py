@@ -1,7 +1,7 @@
-"""Keypose policies for two arms, as LeRobot policies: of each its config, the policy, and what makes its processors.
+"""Keypose policies for two arms, as LeRobot policies: for each its config, the policy, and a function for its processors.
 
-LeRobot's plugin discovery imports this package, always from inside LeRobot, and then the configs are registered; policies
-are imported on first use. Without LeRobot in the process even the configs are left out, so that the help texts of the
+LeRobot's plugin discovery imports this package, always from inside LeRobot. This registers the configs; policies are
+imported on first use. If LeRobot is not loaded, even the configs are not imported, so that the help texts of the
 package's commands need neither LeRobot nor torch. To use a policy in a script that imports this package before LeRobot,
 import its config from here.
 """

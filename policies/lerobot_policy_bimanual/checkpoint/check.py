@@ -1,8 +1,8 @@
 """Check a checkpoint without running anything that it names.
 
-LeRobot's loader calls whatever class a processor file names, and what policies and steps name is looked up, on the Hub too,
-and may bring its own code. So the files are read as data first, and only what is on a list of policies, steps and options
-that load nothing by name is called safe; the weights must be safetensors.
+LeRobot's loader calls any class that a processor file names. It also looks up the names in policies and steps, on the Hub
+too, which may bring code of their own. So the files are read as data first. A checkpoint is safe only if its policy, steps
+and options are on a list of those that load nothing by name; its weights must be safetensors.
 """
 
 import json

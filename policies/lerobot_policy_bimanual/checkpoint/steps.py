@@ -1,4 +1,4 @@
-"""Processor steps that load nothing by name, each with its options and tensors: all that a checkpoint may name and be safe."""
+"""Processor steps that load nothing by name, with their options and tensors: a safe checkpoint names no others."""
 
 import json
 import math

@@ -1,6 +1,6 @@
-"""What a dataset decides of a policy: one comparison of checkpoint, config and dataset for every program.
+"""Sets config fields from the dataset, and compares checkpoint, config and dataset in one place for every program.
 
-docs/policies.md has a table. What a batch lacks is said by `ObservationCheck` and `forward`: until then LeRobot may rename keys.
+docs/policies.md has a table. `ObservationCheck` and `forward` report what a batch lacks: until then LeRobot may rename keys.
 """
 
 import logging
@@ -64,7 +64,7 @@ def check_label(shape: Sequence[int]) -> None:
 
 
 def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mapping[str, Any]] | None) -> None:
-    """Take from the dataset of a training what follows from it, and warn of what does not fit it.
+    """Set the fields of a config that follow from the training dataset, and warn where config and dataset do not fit.
 
     Args:
         config: of the policy that is made.

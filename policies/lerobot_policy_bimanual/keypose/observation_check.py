@@ -1,7 +1,7 @@
 """Check that an observation is complete, in the units of the schema, and not empty.
 
-A network answers any input with a keypose. What cannot be true is an error that names the flag that mends it; what only
-differs from the training is a warning, given once.
+A network predicts a keypose from any input. So an impossible input is an error, which names the flag that corrects it; an
+input that only differs from those in training is a warning, given once.
 """
 
 import logging

@@ -41,7 +41,7 @@ class LeaderFollower(nn.Module):
 
     The leader's keypose, as numbers from -1 to 1, extends the follower's proprioception: the label in training (teacher
     forcing), otherwise the leader's most probable keypose. Neither has a gradient, so none passes between the networks. The
-    position is not rounded to voxels: where labels lie on the border of two, a prediction would seem a whole one off.
+    position is not rounded to voxels: for a label at the border of two, an accurate prediction could be a whole voxel off.
     With `mark`, the follower also sees in its scene where the leader goes.
 
     Args:

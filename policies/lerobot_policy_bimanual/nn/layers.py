@@ -118,9 +118,9 @@ class LanguageFilters(nn.Linear):
 
 
 def near(index: Tensor, size: int) -> Tensor:
-    """How near the `size` places of an axis are to places `index` (...), from 0: (..., size) float32.
+    """Closeness (..., size) float32 of the positions 0 to `size` - 1 of an axis to positions `index` (...).
 
-    1 at the place itself, less by a Gaussian of `GOAL_SIGMA` places around it.
+    1 at the position itself, falling off as a Gaussian with standard deviation `GOAL_SIGMA`.
     """
     distance = torch.arange(size, device=index.device) - index[..., None]
     return torch.exp(-((distance / GOAL_SIGMA) ** 2) / 2)

@@ -263,7 +263,7 @@ class FactorisedTranslationHead(nn.Module):
 
 
 def _patch_logits(layer: nn.Module, along_lines: Sequence[Tensor]) -> Tensor:
-    """Logits (b, p^3) of patches from the most that lies along their voxels' lines, (b, FINE_CHANNELS, v, v) each."""
+    """Logits (b, p^3) of patches from the maxima over their voxels of line features, (b, FINE_CHANNELS, v, v) each."""
     pooled = [F.max_pool2d(plane, PATCH).unsqueeze(2 + axis) for axis, plane in enumerate(along_lines)]
     seen = activate(pooled[0] + pooled[1] + pooled[2])  # (b, FINE_CHANNELS, p, p, p)
     return layer(seen.flatten(2).transpose(1, 2))[..., 0]

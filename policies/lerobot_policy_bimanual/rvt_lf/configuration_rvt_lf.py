@@ -24,8 +24,8 @@ class RVTLFConfig(KeyposePolicyConfig):
     patch: int = number(11, 1, 99)
     # Radius of a rendered point in units of the workspace's half edge.
     point_radius: float = number(0.012, 0, 0.2)
-    # A second network zooms in on the position that the first predicts, so many times, as in RVT-2; 1 for no second one.
-    # With `decode=voxel` its place is rounded to voxels of the first.
+    # Magnification at which a second network sees the surroundings of the position that the first predicts,
+    # as in RVT-2; 1 for no second one. With `decode=voxel` its position is rounded to voxels of the first.
     fine_stage_zoom: int = number(1, 1, 8)
     # Width of the image tokens outside the attention, half pixels and half proprioception.
     token_dim: int = number(128, 16, 8192)  # each half is normalised in four groups of at least two

@@ -35,8 +35,8 @@ class HeatmapTranslation:
         """Cross-entropy (b, arms) in nats of a small Gaussian around the target positions, voxels and offsets (b, arms, 3).
 
         Averaged over the views. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and then
-        normalised; where that leaves no pixel, as of a target outside the image, the voxel's own is taken. Its own
-        entropy is subtracted, so that a perfect heatmap has the loss 0.
+        normalised; if no pixel is left, as for a target outside the image, the target voxel's pixel is used. The
+        Gaussian's entropy is subtracted, so that a perfect heatmap has the loss 0.
         """
         V = self.logits.shape[-1]
         reach = int(CUT_SIGMAS * self.sigma_px + 0.5)
@@ -80,12 +80,12 @@ class HeatmapTranslation:
 
 @dataclass(frozen=True, eq=False)
 class ProductTranslation:
-    """One softmax over all voxels, whose logits are the sums of those of the pixels in which the views see them.
+    """One softmax over all voxels; the logit of a voxel is the sum of the logits of its pixels in all views.
 
-    So a voxel's probability is proportional to the product of the heatmaps, and a view that cannot tell leaves it to the others.
+    So a voxel's probability is proportional to the product of the heatmaps, and an uncertain view leaves it to the others.
 
     Attributes:
-        planes: xy, xz, yz (b, arms, v, v) float32, those of pixels that see the same two axes added up.
+        planes: xy, xz, yz (b, arms, v, v) float32, each the sum of the logits of the views that see these two axes.
         sigma_px: standard deviation of the training target.
     """
 

@@ -23,8 +23,8 @@ class StagedRVT(nn.Module):
     """Predicts one arm's keypose by one RVT or, with `fine_stage_zoom`, by two.
 
     The coarse stage sees the whole workspace. The fine stage sees the surroundings of the position that the coarse one
-    predicts; in training, those of the label, off their middle at random. The logits of both are added, those of the
-    position at the fine stage's voxels (departure from RVT-2, whose fine stage alone gives the position).
+    predicts; in training, surroundings of the label with a random offset. The logits of both stages are added; for the
+    position, at the fine stage's voxels (departure from RVT-2, whose fine stage alone gives the position).
 
     Args:
         config: all sizes.
@@ -88,7 +88,7 @@ class FineTranslation:
 
     @classmethod
     def of(cls, coarse: ProductTranslation, fine: ProductTranslation, middle: Tensor, zoom: int) -> Self:
-        """Multiply what the zoomed-in views alone say, `fine`, by what the coarse ones do: in free space the former see nothing."""
+        """Multiply `fine`, which is from zoomed-in views alone, by `coarse`: in free space the zoomed-in views see nothing."""
         size = fine.planes[0].shape[-1]
         place = reduced(torch.arange(size, device=middle.device)[:, None], middle, zoom, size)  # (b, v, 3)
         x, y, z = cubic_weights(place.mT, size)[:, :, None].unbind(1)  # (b, 1, v, v) each
@@ -126,10 +126,10 @@ class FineTranslation:
 
 
 def cubic_weights(place: Tensor, size: int) -> Tensor:
-    """Weights (..., size) of samples at 0, 1, ..., with which their sum is a smooth function's value at places (...).
+    """Weights (..., size) with which samples at 0, 1, ... interpolate a smooth function at places (...).
 
     Cubic convolution (Keys, 1981): exact between the samples of a parabola, which the logarithm of a Gaussian is, so that its
-    peak may lie between them. Beside the first and the last sample the share of missing ones goes to the others.
+    peak may lie between them. Near the ends, the weights of missing samples go to the others.
     """
     step = (place.clamp(0, size - 1)[..., None] - torch.arange(size, device=place.device)).abs()
     near = (1.5 * step - 2.5) * step**2 + 1

@@ -5,8 +5,8 @@ cannot keep up with a GPU. This program takes the same flags and calls the same 
 before the first step, into the memory of the policy's device. Loaders then give row numbers, and rows are looked up on
 the device. Logs, checkpoints and how to resume are LeRobot's.
 
-LeRobot hands its loaders to an accelerator, and takes that from its caller: version 0.6.1 as an argument of its function,
-later ones from what `cfg.accelerator.build` makes. Ours gives back loaders of the same rows from memory.
+LeRobot passes its loaders to an accelerator that it gets from its caller: version 0.6.1 as an argument of its function,
+later versions from `cfg.accelerator.build`. Ours returns loaders of the same rows from memory instead.
 """
 
 import inspect
@@ -149,7 +149,7 @@ def remove_older(checkpoints: Path, keep_last: int) -> None:
 
 
 def _from_memory(loader: DataLoader, prepared: Any) -> LoaderFromMemory:
-    """The prepared loader of the numbers of a loader's rows, with their batches, from where its sampler goes on."""
+    """Batches from memory for a prepared loader of row numbers; they start where the sampler of `loader` continues."""
     state = loader.sampler.state_dict() if isinstance(loader.sampler, EpisodeAwareSampler) else {}
     if state:
         prepared.iteration = state["epoch"]  # accelerate would set the sampler back to epoch 0
@@ -209,7 +209,7 @@ def _accelerator_of_0_6_1(cfg: TrainPipelineConfig) -> Accelerator:
 
 
 def check_training(cfg: TrainPipelineConfig) -> None:
-    """Whether a training can have its dataset in memory; the config then asks for no loader processes.
+    """Check that a training can have its dataset in memory, and set its config to no loader processes.
 
     Raises:
         DatasetError: the dataset is streamed, transformed at random, asked for in metres, for a reward model, has depth for a
