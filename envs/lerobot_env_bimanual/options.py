@@ -72,15 +72,15 @@ class EnvOptions:
     video_dir: str | None = None
     # Folder for a record of every episode that a vector environment plays: outcome, actions and a chain of state hashes,
     # from which `lerobot-bimanual results verify` plays it again without the policy. One file per task. Each episode is on
-    # the disk when it ends; the same evaluation goes on where it stopped, and another one is refused.
+    # the disk when it ends; the same evaluation continues where it stopped, and another one is refused.
     results_dir: str | None = None
     # Whether an episode ends as a failure when an arm presses with more than 100 N for 0.1 s, as a real one stops; push_box
     # needs 250 N.
     protective_stop: bool = False
     # Keyposes until an episode is truncated; RLBench's evaluation in PerAct2 allows as many as the default.
     max_keyposes: int = 25
-    # Of `render` and of videos, `observation` or `high`. On one CPU core a frame costs 25 ms or 300 ms, so `high`, with
-    # shadows and anti-aliasing, is for pictures of a few episodes.
+    # Quality of `render` and of videos: `observation` or `high`. On one CPU core a frame costs 25 ms or 300
+    # ms, so `high`, with shadows and anti-aliasing, is for pictures of a few episodes.
     render_quality: str = "observation"
 
     def __post_init__(self) -> None:

@@ -41,8 +41,8 @@ LIBRARIES = (*map(str, PACKAGES), *map(sysconfig.get_path, ("stdlib", "purelib")
 """Where code lies that no author of a task has written."""
 
 DEATH = (
-    "its worker process died, also when it was tried alone: mostly for want of memory, then repeat the command with fewer "
-    "--workers; or a script starts workers without `if __name__ == '__main__':`"
+    "its worker process died, also when it was tried alone: usually memory ran out, so repeat the command with fewer "
+    "--workers; otherwise a script starts workers without `if __name__ == '__main__':`"
 )
 
 

@@ -76,7 +76,7 @@ def run_column(column: Sequence[BenchmarkConfig], lanes: int) -> None:
                         running[_start(lane[0])] = lane
                 time.sleep(LOOK_S)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt("the same command goes on where it stopped") from None
+            raise KeyboardInterrupt("the same command continues where it stopped") from None
         finally:
             for process in running:
                 end(process)

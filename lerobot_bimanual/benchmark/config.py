@@ -78,7 +78,7 @@ class BenchmarkConfig:
     video_dir: Path | None = None  # folder for a video of every evaluated episode; by default none is made
     device: str | None = None  # cpu, cuda, ...; by default LeRobot chooses
     workers: int = 0  # processes for generation and for expert and baseline; 0 takes one per core
-    lanes: int = 1  # of several tasks so many are worked on at the same time
+    lanes: int = 1  # number of tasks that are worked on at the same time
     output: Path = Path("outputs/benchmark")  # policies of a task share its dataset and baselines here
     dry_run: bool = False  # print the commands and run nothing
 
@@ -96,8 +96,8 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     if flags["trained_on"] or flags["demos_variation"]:
         if config.val_episodes:
             raise BimanualError(
-                f"val_episodes is {config.val_episodes}, but of a network that learned from other tasks or variations than it is "
-                "tested on the last checkpoint is scored: leave it out"
+                f"val_episodes is {config.val_episodes}, but a network that learned from other tasks or variations than it is "
+                "tested on is scored by its last checkpoint: leave --val_episodes out"
             )
         config = replace(config, val_episodes=0)
     if config.recipe not in SIZES and not config.recipe.endswith(SUFFIX):
@@ -229,7 +229,8 @@ def _check_several(flags: Mapping[str, Any]) -> None:
     for name, usual in (("variation", "any"), ("demos_variation", "")):
         if flags[name] != usual:
             raise BimanualError(
-                f"{name} is {flags[name]}, but --trained_on={trained_on} has demonstrations of any: leave it out"
+                f"{name} is {flags[name]}, but --trained_on={trained_on} has demonstrations of any variation: "
+                f"leave --{name} out"
             )
 
 

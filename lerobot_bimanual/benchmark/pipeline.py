@@ -146,7 +146,7 @@ class Pipeline:
         try:
             code = self._call(words)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt("the same command goes on where it stopped") from None
+            raise KeyboardInterrupt("the same command continues where it stopped") from None
         finally:
             marker = marker.model_copy(update={"seconds": seconds + time.monotonic() - started})
             marker.write(self._path(command))

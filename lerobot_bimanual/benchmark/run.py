@@ -212,8 +212,9 @@ def _check_one_world(worlds: dict[Path, str], task: str) -> None:
     for path, other in others:
         if other != world:
             raise BimanualError(
-                f"{path} is of the world {other} of {task}, but {first} of {world}: it has changed between them; choose "
-                "another --output, or remove the older one, of demonstrations with the trainings beside them"
+                f"{path} is from world {other} of {task}, but {first} is from world {world}: the world has changed in between; "
+                "choose another --output, or remove the older of the two and, if it is demonstrations, the trainings "
+                "beside them"
             )
 
 

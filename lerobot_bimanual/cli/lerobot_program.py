@@ -77,8 +77,8 @@ def run_program(
             require_checkpoint_if_local(path)
             if not Path(path).is_dir() and not is_trusted(words):
                 raise BimanualError(
-                    f"{path} is no folder, and on the Hub nothing can check it: `hf download {path} --local-dir=FOLDER` and give "
-                    f"the folder, or --{TRUST_FLAG}=true where you trust its source"
+                    f"{path} is not a folder, and a checkpoint on the Hub cannot be checked: run `hf download {path} "
+                    f"--local-dir=FOLDER` and give that folder, or give --{TRUST_FLAG}=true if you trust its source"
                 )
         check(values)
         print(f"{program}: importing LeRobot", file=sys.stderr)

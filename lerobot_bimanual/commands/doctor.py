@@ -50,7 +50,7 @@ class DoctorConfig:
 
 
 def doctor(config: DoctorConfig) -> int:
-    """Check this machine and say how to mend what is missing.
+    """Check this machine and say how to fix what is missing.
 
     Checks Python, package versions, off-screen OpenGL, GPU and disk.
     Exits with 1 if something that the project cannot work without is missing.
@@ -101,7 +101,7 @@ def check_packages() -> Iterator[Finding]:
                 ranges[name] = ranges.get(name, SpecifierSet()) & requirement.specifier
     if not with_lerobot:
         remedy = "for datasets, training and evaluation: pip install 'lerobot_env_bimanual[lerobot]'"
-        yield Finding("lerobot", "info", "not installed; environments and experts do without", remedy)
+        yield Finding("lerobot", "info", "not installed; environments and experts work without it", remedy)
     for package, needed in ranges.items():
         installed = platform.python_version() if package == "Python" else installed_version(package)
         if installed is not None and needed.contains(installed, prereleases=True):
@@ -118,7 +118,7 @@ def check_machine() -> Iterator[Finding]:
     yield Finding("machine", "info", f"{usable_cores()} cores, {free}")
     if SHARED.is_dir() and (shared := shutil.disk_usage(SHARED).total) < MIN_SHARED_BYTES:
         remedy = "in a container: docker run --shm-size=2g; or train with --num_workers=0 and evaluate with synchronous environments"
-        yield Finding(str(SHARED), "warn", f"{shared / 1e6:.0f} MB, in which workers pass images on", remedy)
+        yield Finding(str(SHARED), "warn", f"{shared / 1e6:.0f} MB; workers pass images through it", remedy)
     if sys.dont_write_bytecode:
         remedy = "unset PYTHONDONTWRITEBYTECODE, or: python -m compileall -q " + sys.prefix
         yield Finding(

@@ -19,13 +19,14 @@ class NewConfig:
     """Flags of the commands."""
 
     name: str = field(kw_only=True)  # in small letters, digits and underscores, such as stack_cups
-    output: Path | None = None  # new folder; by default one that is called as the distribution, here
+    output: Path | None = None  # new folder; by default in the current folder, with the distribution's name
 
 
 def task_new(config: NewConfig) -> None:
     """Write a distribution with a task of your own, which works as it is.
 
-    Its one file has a block, where it stands, an expert that raises it and what counts as success; a test plays the expert.
+    Its one file defines a block, its placement, an expert that raises it, and the conditions of success; a test plays the
+    expert.
     The task's number comes from its name. Once it is installed, every command, Gymnasium and LeRobot know it.
 
     Examples:

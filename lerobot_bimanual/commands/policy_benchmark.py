@@ -31,7 +31,7 @@ def policy_benchmark(config: BenchmarkConfig) -> None:
     console = Console()
     column = cells(config, tasks := [*count_variations(config.task)])
     if others := {*tasks} - {cell.task for cell in column}:
-        print(f"left out: {', '.join(sorted(others))}, for which {config.protocol} is not", file=sys.stderr)
+        print(f"left out: {', '.join(sorted(others))}, not in protocol {config.protocol}", file=sys.stderr)
     if len(column) > 1:
         if config.dry_run:
             console.print(*map(command, column), sep="\n", soft_wrap=True, highlight=False, markup=False)

@@ -16,9 +16,9 @@ class RecipesConfig:
 
 
 def policy_recipes(config: RecipesConfig) -> None:
-    """List the installed recipes: what a policy learns from, for how long, and in which file that is said.
+    """List the installed recipes: the view that a policy learns from, the steps, the batch size and the file.
 
-    A file is a `--config_path` of `lerobot-train`; a changed copy, one of `policy benchmark --recipe=FILE.yaml`.
+    Give a file to `lerobot-train` as `--config_path`, or a changed copy to `policy benchmark --recipe=FILE.yaml`.
 
     Examples:
         lerobot-bimanual policy recipes

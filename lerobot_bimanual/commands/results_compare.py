@@ -21,7 +21,7 @@ class ResultsCompareConfig:
     # Result of one benchmark, or record of one evaluation, a JSON file, or a folder of them.
     first: Path = field(kw_only=True)
     second: Path = field(kw_only=True)  # another one on the same task and variation, or a folder
-    first_policy: str | None = None  # of a folder with several policies, the one that is meant
+    first_policy: str | None = None  # policy to compare, from a folder with several
     second_policy: str | None = None  # likewise
 
 
@@ -89,7 +89,7 @@ def _print_comparisons(comparisons: dict[str, Comparison]) -> None:
     )
     print_table(table, "success on the same seeds")
     if any(comparison.training_error is None for comparison in comparisons.values()):
-        print("A single training of a policy does not say how far another one would be from it.")
+        print("A single training of a policy does not show how much another training would differ.")
 
 
 def _rates(rates: list[SuccessRate]) -> str:

@@ -107,6 +107,6 @@ def _check_pushable(root: Path) -> None:
         )
     if problem := next(checksum_problems(root, rewritten=(CARD_FILE,)), None):
         raise DatasetError(
-            f"{root} is not the dataset that was made there: {problem}. What goes onto the Hub should be whole: restore "
-            "it, or generate it again"
+            f"{root} is no longer as it was written: {problem}. Only an unchanged dataset can be pushed: restore it, or "
+            "generate it again"
         )

@@ -98,6 +98,6 @@ def check_version(features: Mapping[str, Any], root: Path) -> None:
     found = info.get(VERSION_INFO, SCHEMA_VERSION)
     if found != SCHEMA_VERSION:
         raise DatasetError(
-            f"{root} has schema version {found}, but this version of lerobot_bimanual reads {SCHEMA_VERSION}: make the "
-            f"dataset anew with `lerobot-bimanual dataset generate`; its card and {PROVENANCE_FILE} say with which options"
+            f"{root} has schema version {found}, but this version of lerobot_bimanual reads {SCHEMA_VERSION}: generate "
+            f"it again with `lerobot-bimanual dataset generate`; its card and {PROVENANCE_FILE} list the options"
         )

@@ -84,7 +84,7 @@ def print_robustness(result: RobustnessResult) -> None:
     say(f"valid conditions together: {said or 'none'}")
     if not table.valid.all():
         invalid = ", ".join(table[~table.valid].condition)
-        say(f"not valid, since the expert solves too few, and in no sum: {invalid}")
+        say(f"not valid (the expert solves too few episodes) and left out of the sums: {invalid}")
     if result.not_applicable:
         say(f"not applicable to {result.task}: {', '.join(result.not_applicable)}")
 

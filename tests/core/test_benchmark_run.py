@@ -132,9 +132,9 @@ def test_a_network_for_a_suite_bears_its_name_though_the_demonstrations_name_eve
 @pytest.mark.parametrize(
     ("what", "message"),
     [
-        ("open_loop", r"open_loop_0_4\.json is of the world ba98.* of lift_ball, .*expert_0_4\.json of 0123"),
-        ("demonstrations", r"keyframes_128_2 is of the world ba98.*expert_0_4\.json of 0123456789ab"),
-        ("test", r"lift_ball_test_record\.json is of the world ba98.*expert_0_4\.json of 0123456789ab"),
+        ("open_loop", r"open_loop_0_4\.json is from world ba98.* of lift_ball, .*expert_0_4\.json .* 0123"),
+        ("demonstrations", r"keyframes_128_2 is from world ba98.*expert_0_4\.json .* 0123456789ab"),
+        ("test", r"lift_ball_test_record\.json is from world ba98.*expert_0_4\.json .* 0123456789ab"),
     ],
 )
 def test_a_world_that_changed_between_the_steps_is_named_with_a_remedy(what, message, programs, config):

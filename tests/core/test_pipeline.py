@@ -239,7 +239,7 @@ def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_how_to_go_on(t
     process, program = benchmark
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     _, errors = process.communicate(timeout=300)
-    assert errors == "\nlerobot-bimanual: interrupted; the same command goes on where it stopped\n"
+    assert errors == "\nlerobot-bimanual: interrupted; the same command continues where it stopped\n"
     assert process.returncode == 130
     with pytest.raises(ProcessLookupError):
         os.kill(program, 0)

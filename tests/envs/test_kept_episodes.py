@@ -210,7 +210,7 @@ CHANGES = {
     "the seed": (lambda e: e.model_copy(update={"seed": e.seed + 1}), "another state at the start"),
     "a link": (lambda e: reproved(e, links=other_link(e.proof.links)), "another action or state at step 1"),
     "unreadable links": (lambda e: reproved(e, links='"'), "cannot be compared: "),
-    "the last link": (lambda e: reproved(e, end="0" * 64), "chain of state hashes ends otherwise"),
+    "the last link": (lambda e: reproved(e, end="0" * 64), "end of the chain of state hashes differs"),
     "the instruction": (lambda e: reproved(e, instruction="win"), "instruction is 'win'"),
 } | {
     name: (lambda e, name=name, value=value: e.model_copy(update={name: value}), f"{name} is {value}, but")

@@ -62,7 +62,7 @@ REFUSED = {
         "demos_perturb=mass": "demos_perturb is 'mass', but must be empty, or AXIS:LEVEL",
         "trained_on=all demos_variation=0": "demos_variation is 0, but --trained_on=all has",
         "recipe=missing.yaml": "missing.yaml: No such file or directory",
-        "trained_on=all val_episodes=20": "val_episodes is 20, but of a network that learned from other tasks",
+        "trained_on=all val_episodes=20": "val_episodes is 20, but a network that learned from other tasks",
         "protocol=few eval_flags=--env.max_keyposes=9": "sets --env.max_keyposes, which the protocol few leaves",
         "protocol=few demos=100": "demos is 100, but 20 in the protocol few: leave --demos or --protocol out",
         "recipe=tiny": "recipe is 'tiny', but must be one of: small, paper, FILE.yaml",
@@ -104,7 +104,7 @@ TRAINED = f"--policy.path={Path(__file__).parents[2] / 'results/checkpoints/pera
 MISTAKES = [
     (eval_program, "", "--policy.path=FOLDER is missing"),
     (eval_program, "--policy.path=nowhere", "no checkpoint at nowhere"),
-    (eval_program, "--policy.path=lerobot/act", "act is no folder, and on the Hub nothing can check it"),
+    (eval_program, "--policy.path=lerobot/act", "act is not a folder, and a checkpoint on the Hub cannot"),
     (
         eval_program,
         f"{TRAINED} --eval.batch_size=0 --env.image_size 3",

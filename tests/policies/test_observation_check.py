@@ -133,7 +133,7 @@ def test_another_task_and_another_size_are_warned_of_once(make_policy, make_batc
         restored.select_action(make_batch() | {"task": [sentence] * 2})
     size, task = caplog.messages
     assert re.search(r"images of 32 x 24 .*front has 16 x 16.*--env\.image_size=32x24", size)
-    assert re.search(r"never trained with 'lift the ball 0', but with 'push the box': .*--env\.task", task)
+    assert re.search(r"instruction 'lift the ball 0', but with 'push the box': .*--env\.task", task)
 
 
 def test_a_batch_of_rows_is_completed_with_the_calibration_of_all_rows(make_policy, make_batch):

@@ -61,8 +61,8 @@ def dataset_generate(config: DatasetGenerateConfig) -> None:
     that the expert does not solve are listed with their reason, and the next seed takes their place.
 
     The dataset grows in ROOT.partial and appears at ROOT in one move. After a crash or an interruption the same
-    command goes on where it stopped. A dataset that is there already is read once more: it is complete if every file is
-    as it was published.
+    command continues where it stopped. An existing dataset is read once more: it is complete if every file is as it
+    was published.
 
     Examples:
         lerobot-bimanual dataset generate --task=lift_ball --episodes=50 --root=data/lift_ball
@@ -123,7 +123,7 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
                 reports = build_dataset(staging, record)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
-                f"{staging.count_finished()} shards are finished; the same command goes on from there"
+                f"{staging.count_finished()} shards are finished; the same command continues from there"
             ) from None
     skipped = [seed for report in reports for seed in report.skipped]
     minutes = (time.monotonic() - start_s) / 60

@@ -90,8 +90,8 @@ def _say_if_uncertified() -> None:
     installed = mujoco.mj_versionString()
     if installed != CERTIFIED_MUJOCO and multiprocessing.parent_process() is None:
         logging.getLogger(__name__).warning(
-            "MuJoCo %s is not that of the published expert reports: its worlds are others than those of the reports "
-            "and results, which hold for MuJoCo %s. `lerobot-bimanual expert evaluate` measures the experts here",
+            "MuJoCo %s is installed, but the published expert reports and results hold for MuJoCo %s, whose worlds differ. "
+            "`lerobot-bimanual expert evaluate` measures the experts with the installed version",
             installed,
             CERTIFIED_MUJOCO,
         )

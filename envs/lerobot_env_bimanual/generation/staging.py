@@ -73,8 +73,8 @@ class Staging:
             problem = next(checksum_problems(folder), None) if folder.is_dir() else "the view is missing"
             if problem is not None:
                 raise DatasetError(
-                    f"{folder} is not the dataset that was made there: {problem}. Nothing was changed: restore it, or "
-                    "remove the folder and repeat the command"
+                    f"{folder} is no longer as it was published: {problem}. This command has changed nothing: restore the "
+                    "folder, or remove it and repeat the command"
                 )
         return True
 

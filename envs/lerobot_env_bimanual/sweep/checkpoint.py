@@ -75,7 +75,7 @@ def require_safe(folder: Path) -> None:
     checker = entries("lerobot_bimanual.commands").get(CHECKER)
     if checker is None:
         raise BimanualError(
-            f"nothing here can tell whether {folder} runs a program of its own: install lerobot_policy_bimanual, or, where "
-            "you trust its source, give --trust_checkpoint=true"
+            f"cannot check whether {folder} runs a program of its own: install lerobot_policy_bimanual, or, if you trust its "
+            "source, give --trust_checkpoint=true"
         )
     importlib.import_module(checker.module).require_safe(folder)

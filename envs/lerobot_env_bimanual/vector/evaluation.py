@@ -174,7 +174,7 @@ class KeptEpisodes:
         if trained != world and not self._options.perturb:
             logger.warning(
                 f"the policy learned {self._task} in world {trained}, and is evaluated in {world}: another setting, perturbation or "
-                "version of the task, in which it may fail for no fault of its own; train it on demonstrations made here"
+                "version of the task, which alone may make it fail; train it on demonstrations of the world of the evaluation"
             )
         return EvaluationHead(
             schema_version=2,

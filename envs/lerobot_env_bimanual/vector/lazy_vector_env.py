@@ -291,8 +291,8 @@ def _named_death(processes: Sequence[BaseProcess] = ()) -> Iterator[None]:
         which = f"of environment {', '.join(ends)}" if ends else "of an environment"
         # The frames of the traceback hold the bytes that were not sent, on which garbage collection crashes in Python 3.12.1.
         raise WorkerDied(
-            f"the worker process {which} died, most likely killed for want of memory: reset() starts all environments "
-            "anew, perhaps after making fewer of them (--eval.batch_size)"
+            f"the worker process {which} died, most likely because memory ran out: reset() starts all environments again; "
+            "if it dies again, use fewer environments (--eval.batch_size)"
         ) from error.with_traceback(None)
 
 

@@ -119,7 +119,7 @@ def _differences(recorded: Episode, replayed: Episode, ticks: list[int]) -> Iter
     if step is not None:
         yield _place(step, ticks)
     elif proof.end != again.end:
-        yield "the chain of state hashes ends otherwise, although all its links agree"
+        yield "the end of the chain of state hashes differs, although all its links agree"
     elif proof.actions != again.actions:
         yield "the actions are encoded otherwise"
     claims = [(name, getattr(recorded, name), getattr(replayed, name)) for name in CLAIMS]
@@ -131,7 +131,7 @@ def _differences(recorded: Episode, replayed: Episode, ticks: list[int]) -> Iter
 def _place(step: int, ticks: list[int]) -> str:
     spans = list(pairwise(ticks))
     if step >= len(spans):
-        return f"the record goes on beyond the episode's end after {ticks[-1]} ticks"
+        return f"the record continues after the episode's end at {ticks[-1]} ticks"
     first, last = spans[step]
     at = f"tick {last}" if last - first <= 1 else f"ticks {first + 1} to {last}"
     return f"another action or state at step {step}, {at}"

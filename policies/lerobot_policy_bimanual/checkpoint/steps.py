@@ -35,8 +35,8 @@ class NotSafeToSay(CheckpointError):
 
     def __init__(self, what: str, named: str):
         super().__init__(
-            f"not safe to say: {what} {f'loads {named}' if named else 'may load something'} by name and run its code; where "
-            "you trust its source, or it is your own, programs that load it take --trust_checkpoint=true"
+            f"cannot tell whether loading is safe: {what} {f'loads {named}' if named else 'may load something'} by name, whose "
+            "code then runs; if you trust its source, or it is your own, give --trust_checkpoint=true to programs that load it"
         )
 
 

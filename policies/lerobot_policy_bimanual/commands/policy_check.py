@@ -18,8 +18,8 @@ def policy_check(config: PolicyCheckConfig) -> None:
     name, which may bring programs with it. This command only reads: the config and the ranges of its values, the
     processor steps with their options, and the weights, which must be finite and, for policies of this package, those of
     the network that the config describes. It prints what the checkpoint is, or says what is wrong and exits with 1. It
-    exits with 3 where it is not safe to say: it knows policies, steps and options that load nothing by name, and the
-    checkpoint has another one, which it names.
+    exits with 3 if it cannot tell whether loading is safe: the checkpoint has a policy, step or option outside the list of
+    those that load nothing by name. The message names it.
 
     Examples:
         lerobot-bimanual policy check --checkpoint=outputs/peract2/checkpoints/last/pretrained_model

@@ -100,14 +100,14 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
     elif config.keypose_horizon is None:
         if not np.isfinite(most):
             raise BadConfig(
-                f"keypose_horizon is not set, and there are no statistics of a dataset with {KEYPOSE_STEP} to take it "
-                "from: set --policy.keypose_horizon"
+                f"keypose_horizon is not set, and the dataset's statistics have no largest {KEYPOSE_STEP} to compute it from: "
+                "set --policy.keypose_horizon"
             )
         config.keypose_horizon = max(2, 1 + round(float(most)))
         check_fields(config)
     elif stats is not None and most >= config.keypose_horizon:
         _log.warning(
-            f"this dataset has episodes of {most:.0f} keyposes, of which the policy tells {config.keypose_horizon} apart "
+            f"this dataset has episodes of {most:.0f} keyposes, but the policy distinguishes only {config.keypose_horizon} "
             "(keypose_horizon)"
         )
     if stats and ACTION in stats:

@@ -90,7 +90,8 @@ class ObservationCheck:
             shown = ", ".join(map(repr, known[:3])) + (", ..." if len(known) > 3 else "")
             self._warn(
                 "task",
-                f"this policy was never trained with {unknown[0]!r}, but with {shown}: is it another task (--env.task)?",
+                f"this policy was never trained with the instruction {unknown[0]!r}, but with {shown}: is this the wrong task "
+                "(--env.task)?",
             )
 
     def _warn(self, kind: str, message: str) -> None:

@@ -31,8 +31,8 @@ class ClipLanguage(nn.Module):
             self._tokenizer = CLIPTokenizer.from_pretrained(source)
         except Exception as error:  # transformers, safetensors and the Hub raise many kinds
             raise BadConfig(
-                f"no text tower can be made of language_encoder='clip:{source}', which must name the folder or the hub id of "
-                "a CLIP model, and needs the package transformers (pip install 'lerobot_policy_bimanual[clip]'): "
+                f"cannot load language_encoder='clip:{source}', which must name the folder or the hub id of a CLIP model and "
+                "needs the package transformers (pip install 'lerobot_policy_bimanual[clip]'): "
                 f"{' '.join(str(error).split())}"
             ) from error
         limit, width = model.config.max_position_embeddings, model.config.hidden_size

@@ -31,8 +31,9 @@ class PerActConfig(KeyposePolicyConfig):
     # With the factorised head, sub-voxel bins per axis, so that `decode=expectation` is finer than a voxel; 0 for none
     # (departure from the paper).
     voxel_cells: int = number(0, 0, 100)
-    # With the factorised head, dilations of further convolutions over the projections of the voxel features, which see as
-    # many voxels further to every side: [3,9] for targets in free space at 25 voxels (departure from the paper).
+    # With the factorised head, dilations of further convolutions over the projections of the voxel features;
+    # each sees that many voxels further on every side: [3,9] for targets in free space at 25 voxels
+    # (departure from the paper).
     projection_dilations: tuple[int, ...] = ()
     # Append the squares of colours and voxel indices to the grid, so that one filter can peak inside a range: at purple,
     # between red and blue, or at the middle drawer (departure from the paper).

@@ -33,12 +33,12 @@ class RVTLFConfig(KeyposePolicyConfig):
     attention_dim: int = number(512, 1, 8192)
     # Attention blocks; the first half within each view, the second half over all of them.
     depth: int = number(8, 2, 64)
-    heatmap_sigma_px: float = number(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
+    heatmap_sigma_px: float = number(1.5, 0.01, 20)  # standard deviation of the heatmaps' Gaussian targets
     # A voxel's probability is the `mean` of the heatmaps where it is seen, each of which is trained by itself, as in RVT; or
     # their `product`, which is trained as a whole: a view that cannot tell leaves it to the others.
     heatmap_fusion: str = choice("mean", "product")
-    # Dilations of further convolutions over each view, which see as many pixels further to every side (departure from the
-    # paper).
+    # Dilations of further convolutions over each view; each sees that many pixels further on every side
+    # (departure from the paper).
     heatmap_dilations: tuple[int, ...] = ()
     # Squared positions and colours are further channels of the views, as in `PerActConfig` (departure from the paper).
     quadratic_features: bool = False

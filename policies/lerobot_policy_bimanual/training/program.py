@@ -48,7 +48,7 @@ def _check(values: Mapping[str, str]) -> None:
         check_dataset(Path(root))
     if "dataset.repo_id" not in values and "config_path" not in values:
         raise BadCommandLine(
-            "--dataset.repo_id is missing: OWNER/NAME on the Hub, or any such as local/data beside --dataset.root"
+            "--dataset.repo_id is missing: give OWNER/NAME on the Hub, or, with --dataset.root, any name such as local/data"
         )
 
 
