@@ -9,12 +9,12 @@ steps, with the paper's sizes, in the order of this file:
    voxels with ten channels.
 2. `network` ("PerAct Agent"): a 1x1x1 convolution to 64 channels, the stem; patches of 5^3 voxels, 20^3 of them, each
    joined with proprioception, so that it is a token of 128 numbers; 77 language tokens in front.
-3. `trunk`, a Perceiver IO: 2048 latents read the 8077 tokens by cross-attention, think in 6 blocks of self-attention, and
-   answer one query per token. With two arms, PerAct2's step, each arm has half of the latents and its own 6 blocks; then
-   one block over all latents lets the arms agree.
+3. `trunk`, a Perceiver IO: 2048 latents read the 8077 tokens by cross-attention, pass through 6 blocks of self-attention,
+   and answer one query per token. With two arms, PerAct2's step, each arm has half of the latents and its own 6 blocks;
+   then one block of self-attention over all latents combines the arms.
 4. The rest of `network`, for each arm: the answers for the patches, upsampled to 100^3 and joined with the stem, give one
-   logit per voxel. What is pooled from stem, answers and fine map gives 3 x 72 logits of angles, and two and two of the
-   gripper and of collisions.
+   logit per voxel. Features pooled from stem, answers and fine map give 3 x 72 logits for the angles, two for the gripper,
+   and two for collisions.
 5. `one_hot_loss` ("Training Details"): the sum of the cross-entropies of all parts of both arms.
 
 The policies' network (`network.PerActNetwork`) computes the same function faster. Here every arm runs through every layer
@@ -91,7 +91,7 @@ def spatial_softmax(x: Tensor) -> Tensor:
 
 
 def pool(x: Tensor) -> Tensor:
-    """What the pose heads are told of a map (b, c, x, y, z): where each channel peaks, and how high, (b, 4 c)."""
+    """Features of a map (b, c, x, y, z) for the pose heads: where each channel peaks, and how high, (b, 4 c)."""
     return torch.cat([spatial_softmax(x).flatten(1), x.flatten(2).max(-1).values], dim=1)
 
 

@@ -15,7 +15,7 @@ C_LIBRARY = "libc"
 """Its mathematical functions decide the last bits of states (docs/determinism.md)."""
 
 STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot", C_LIBRARY)
-"""What has versions that are recorded."""
+"""Packages, and the C library, whose versions are recorded."""
 
 
 def installed_version(package: str) -> str | None:

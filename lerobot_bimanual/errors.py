@@ -23,7 +23,7 @@ class BimanualError(Exception):
     exit_code = 1
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel between processes as a message; by default an error is made again from its constructor's arguments."""
+        """Pickle the message itself; by default, unpickling would call the constructor with it."""
         return type(self).__new__, (type(self), *self.args), vars(self)
 
 

@@ -1,7 +1,7 @@
 """Files that are written completely or not at all, and foreign files that are read within limits.
 
-A rename is one step for every reader, but after a power failure the disk may have it and lack what was written before.
-So the content is brought to the disk first, and the new name after it.
+A rename is one step for every reader, but after a power failure the disk may have the new name and lack the content. So
+the content is flushed to the disk first, and the new name after it.
 """
 
 import fcntl
@@ -176,7 +176,7 @@ def read_json(path: Path) -> Any:
 
 
 def read_yaml(path: Path, max_bytes: int = 2**16) -> Any:
-    """The value in a YAML or JSON file without aliases, by which a few lines stand for more than any memory holds.
+    """The value in a YAML or JSON file without aliases, with which a few lines could expand beyond any memory.
 
     Raises:
         BimanualError: the file cannot be read, is not YAML, is too deep, or has an alias; the message names it.

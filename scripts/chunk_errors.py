@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def policy(checkpoint: Path) -> Predict:
-    """The chunks of a policy that LeRobot knows."""
+    """A function that predicts chunks with a policy that LeRobot can load."""
     config = check_checkpoint(checkpoint).config
     network = get_policy_class(config.type).from_pretrained(checkpoint, config=config).eval()
     preprocess, postprocess = make_pre_post_processors(config, pretrained_path=str(checkpoint))

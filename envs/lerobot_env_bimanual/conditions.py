@@ -45,7 +45,7 @@ def _shown(value: object) -> str:
 
 @dataclass(frozen=True)
 class OnTheWay(Condition):
-    """A condition about all ticks so far, made of conditions of one tick; called with a scene, it judges the present one alone."""
+    """A condition about all ticks so far, made of conditions on single ticks; calling it evaluates the present tick only."""
 
     parts: tuple[Condition, ...]
     word: ClassVar[str]  # joins the names of the parts
@@ -58,7 +58,7 @@ class OnTheWay(Condition):
 
     @abstractmethod
     def after(self, so_far: bool | None, view: SceneView) -> bool:
-        """Whether it is met, given whether it was a tick ago; None at the start of an episode."""
+        """Whether it is met now; `so_far` says whether it was met a tick ago, None at the start of an episode."""
 
 
 def on_the_way(
@@ -116,13 +116,13 @@ class WhollyAbove(Condition):
 
 @dataclass(frozen=True)
 class CentredOn(Condition):
-    """The prop's origin lies over the square of this half side at the target's centre, in the target's axes.
+    """The prop's origin lies over a square around the target's origin, whose sides are parallel to the target's axes.
 
     Attributes:
         prop: body whose origin counts.
-        target: body over whose origin it is to lie.
+        target: body around whose origin the square lies.
         tolerance_m: half side of the square.
-        varied_m: the same in the setting `varied`; None for no other one.
+        varied_m: half side in the setting `varied`; None if it is the same.
     """
 
     prop: str
@@ -142,8 +142,8 @@ class Inside(Condition):
 
     Attributes:
         prop: body whose origin counts.
-        container: body in whose frame the box stands.
-        lower_m: corner of the box, (3,), which is larger where the container is.
+        container: body in whose frame the box is fixed.
+        lower_m: corner of the box, (3,); an enlarged container enlarges the box.
         upper_m: the opposite corner, (3,).
     """
 

@@ -68,7 +68,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         return self.keywords() | {"results_dir": None}
 
     def get_env_processors(self) -> tuple[PolicyProcessorPipeline, PolicyProcessorPipeline]:
-        """LeRobot's processors of observations, of which there are none, and of actions."""
+        """LeRobot's processors: none for observations, and one for actions, which rounds joint actions."""
         from lerobot.processor import PolicyProcessorPipeline
 
         from lerobot_env_bimanual.processor_bimanual import RoundJointActions

@@ -45,13 +45,13 @@ class BimanualEnv(gym.Env):
     `lerobot_env_bimanual.episode.actions`), and the episode's `seed` and `instruction`.
 
     An episode is determined by task, setting, split, seed, variation and perturbations, bit for bit. Construction is cheap:
-    each set of props is compiled at the first reset that draws it, OpenGL starts at the first image, and both come back after `close`.
-    A running environment cannot be copied or pickled, but its `save_state()` can, and `restore_state` of another one with the
-    same options goes on from there.
+    each set of props is compiled at the first reset that draws it, OpenGL starts at the first image, and after `close` both
+    are started again when needed. A running environment cannot be copied or pickled, but the result of `save_state()` can, and
+    `restore_state` of another environment with the same options continues from it.
 
     Args:
         task: registered task name.
-        options: everything else that can be chosen but `results_dir`; by default the defaults.
+        options: all other options, without `results_dir`; by default those of `EnvOptions()`.
         render_mode: only "rgb_array".
         keywords: single options by name; they win over `options`.
 
@@ -155,11 +155,11 @@ class BimanualEnv(gym.Env):
         Args:
             seed: integer from 0 to 2**63 - 1 that determines the episode; without it one is drawn from the generator
                 that the last given seed started.
-            options: `{"variation": index}` chooses the variation of this episode alone; what else callers such as
-                LeRobot put there is for their wrappers.
+            options: `{"variation": index}` chooses the variation of this episode alone; other entries, which callers
+                such as LeRobot add for their wrappers, are ignored.
 
         Raises:
-            InvalidChoice: a seed or options that are none, or a variation that the task does not have.
+            InvalidChoice: the seed or the options are invalid, or the task does not have the variation.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         seed, chosen = checked_seed(seed), checked_reset_options(options)
@@ -304,9 +304,9 @@ class BimanualEnv(gym.Env):
             video.close("success" if self.progress.succeeded else ended)
 
     def state_hash(self) -> str:
-        """SHA-256 of the state of the physics, of what the arms are told, and of conditions on the way.
+        """SHA-256 of the state of the physics, of the arms' commands, and of the `Once` and `Always` conditions so far.
 
-        The planner's generator and counts are not in it; seed and actions determine them.
+        The planner's random generator and the counters are not included; seed and actions determine them.
         """
         return self.progress.joined_hash(self.scene.state_hash())
 
@@ -332,7 +332,7 @@ class BimanualEnv(gym.Env):
         self.scene.restore_state(scene_state)
 
     def __getstate__(self) -> object:
-        """What is copied or pickled; a running episode cannot be, as its world would be shared or lost."""
+        """The state for copy and pickle; refused during an episode, as its world would be shared or lost."""
         if self._progress is not None:
             raise TypeError(
                 "a running environment cannot be copied: give its save_state() to restore_state() of a new one"

@@ -21,7 +21,7 @@ OPTIONS_OF_LEROBOT = (
     *("type", "task", "fps", "max_parallel_tasks"),
     *("features", "features_map", "disable_env_checker", "discover_packages_path"),
 )
-"""What its command line takes for any environment, listed here because importing it takes half a minute."""
+"""LeRobot's own options of any environment, listed here because importing LeRobot takes half a minute."""
 
 logger = logging.getLogger(__name__)
 

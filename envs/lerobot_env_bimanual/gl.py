@@ -111,8 +111,8 @@ os.environ.setdefault("LP_NUM_THREADS", "0")
 try:
     import mujoco
 except (AttributeError, RuntimeError):
-    # What a missing driver library and an unknown backend become. Physics needs no driver: import without rendering,
-    # and let a `Renderer` raise `MissingGL` when one is made.
+    # A driver is missing, or the backend is unknown. Physics needs no driver: import without rendering,
+    # and let a `Renderer` raise `MissingGL` when it is made.
     wanted = os.environ.get("MUJOCO_GL", "")
     os.environ["MUJOCO_GL"] = "disable"
     import mujoco

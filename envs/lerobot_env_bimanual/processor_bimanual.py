@@ -22,7 +22,7 @@ class RoundJointActions(PolicyActionProcessorStep):
     """
 
     def action(self, action: Tensor) -> Tensor:
-        """Actions (n, 16) in rad and openings, or keyposes (n, 18)."""
+        """Joint actions (n, 16), rounded, or keyposes (n, 18), unchanged."""
         if action.shape[-1] != JOINT_ACTION_DIM:
             return action
         return (action * PARTS).round() / PARTS

@@ -176,7 +176,7 @@ class WorkerPool:
         self._running[future] = index
 
     def _end(self) -> None:
-        """End the processes: in order if they are idle, at once if they work, as unfinished work is lost anyway."""
+        """Shut the processes down if all are idle; otherwise kill them, as unfinished work is lost anyway."""
         executor, self._executor = self._executor, None
         if executor is None:
             return
@@ -252,7 +252,7 @@ def told(error: BaseException) -> BimanualError:
     """An exception as an error that can travel between processes, with its traceback as a note."""
     if not isinstance(error, BimanualError):
         frames = traceback.extract_tb(error.__traceback__)
-        # Of a task, whichever package calls it, the author is told the line of the task's file.
+        # For an error in a task, the message names the line of the task's file, whichever package raised it.
         of_task = [
             each for each in frames if "/tasks/" in each.filename or not each.filename.startswith(LIBRARIES)
         ]

@@ -1,4 +1,4 @@
-"""One hand that is moved by joint actions, as fast as the arm allows, from Python that reads the scene at every tick."""
+"""Moves one hand by joint actions, as fast as the arm allows, in code that can read the scene at every tick."""
 
 from collections.abc import Callable, Iterator
 
@@ -91,7 +91,7 @@ class Hand:
     def servo(
         self, pose: Callable[[], Pose], ticks: int, speed_m_s: float = 0.8, within_m: float = 0.01
     ) -> Moves:
-        """Towards a pose that is asked for at every tick, until the command is there."""
+        """Move towards a pose, computed again at every tick, until the command is within `within_m` of it."""
         for _ in range(ticks):
             now, target = self.commanded, pose()
             way, turn = target.position - now.position, rotation_vector(target.rotation @ now.rotation.T)

@@ -23,7 +23,7 @@ WAIT_M = (0.45, -0.15, TABLE_HEIGHT_M + 0.25)
 
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
-    """One way, whichever arm is asked for: both take part, but never together."""
+    """One way, the same for either arm: both arms take part, but never together."""
     yield _put_down
 
 

@@ -38,7 +38,7 @@ def _over_the_edge(
     frame = Pose(laptop.position, (laptop @ turn).quat_wxyz)
     half_m = expert.LAPTOP.base_size_m[quarter % 2 == 0] / 2
     holder_half_m = expert.HOLDER.size_m[quarter % 2 == 0] / 2
-    # Of the holder, beyond the edge over which the laptop goes.
+    # How far the holder extends beyond the laptop on the side of the push.
     gap_m = holder_half_m - half_m - frame.inverse().apply(holder.position)[1]
     push_m = gap_m + OVERHANG_M
     toward, along = frame.rotation[:, 1], frame.rotation[:, 0]

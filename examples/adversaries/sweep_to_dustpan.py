@@ -88,7 +88,7 @@ def _strike(env: BimanualEnv, arm: Arm, stop_m: float, speed_m_s: float) -> Move
     up = np.array([0.0, 0.0, expert.TAKE_OUT_M[2]])
 
     def at(ahead_m: float) -> Pose:
-        """The hand where the broom is so far before the pan's middle."""
+        """Pose of the hand with the broom `ahead_m` in front of the pan's middle."""
         pan = scene.pose(expert.PAN.name)
         x, y, _ = pan.apply((0, ahead_m, 0))
         return Pose.looking((x, y, grip_z_m), approach=(0, 0, -1), opening=pan.rotation @ (-1, 0, 0))

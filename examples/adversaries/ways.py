@@ -53,7 +53,7 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterable[Way]:
 
 
 def every_choice(function: Callable, **choices: Iterable) -> Iterator[partial]:
-    """A function with every combination of what its arguments may be; that of the last one changes first."""
+    """The function with every combination of the given arguments; the last argument changes first."""
     return (partial(function, **dict(zip(choices, each, strict=True))) for each in product(*choices.values()))
 
 
@@ -72,7 +72,7 @@ def alone(arm: Arm, name: str, pose: Pose, is_open: bool | None = None, **others
 
 
 def rehearsed(env: BimanualEnv, scripts: Iterable[Script]) -> Iterator[Way]:
-    """The scripts that can be rehearsed; then the first one, if it can or not."""
+    """The scripts whose rehearsal succeeds; then the first script, whether it succeeds or not."""
     rehearsal, every = Rehearsal(env.scene), [*scripts]
     feasible = (script for script in every if rehearsal.infeasibility(script) is None)
     return (partial(play_script, script=script) for script in chain(feasible, every[:1]))

@@ -1,4 +1,4 @@
-"""Configuration of a benchmark: from flags to settings in which nothing is open, and back to the shortest flags."""
+"""Configuration of a benchmark: converts flags to complete settings, and settings back to the shortest flags."""
 
 import re
 import shlex
@@ -145,7 +145,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
 
 
 def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
-    """Flags that resolve to these settings; what recipe and protocol say today is left out.
+    """Flags that resolve to these settings, without the values that recipe and protocol have today.
 
     Raises:
         BimanualError: policy or recipe is not installed, or the recipe now sets an option without which the policy was
@@ -191,7 +191,7 @@ def beyond_recipe(config: BenchmarkConfig) -> str:
 
 
 def _by_protocol(config: BenchmarkConfig) -> dict[str, Any]:
-    """The flags that protocols fix, in their one form; a protocol other than `own` allows no others."""
+    """The flags that protocols fix, in canonical form; a protocol other than `own` allows no other values."""
     task, name = config.task, config.protocol
     if not task.isidentifier():
         raise BimanualError(f"task is {task!r}, but a benchmark is of one task; run one per task")

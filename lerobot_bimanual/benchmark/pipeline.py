@@ -72,9 +72,9 @@ class Marker(Record):
 def start(words: Sequence[str], log: BinaryIO | None = None) -> subprocess.Popen[bytes]:
     """Start a program of this Python environment, which ends when this process does; its output goes into a log, if there is one."""
     defaults = {
-        # No command needs the network: a dataset or policy that is not found here must fail, not be asked for.
+        # No command needs the network: a dataset or policy that is missing here must fail, not be downloaded.
         "HF_HUB_OFFLINE": "1",
-        # One core is left to environments and the system; threads that wait for each other on a full machine crawl.
+        # One core is left for environments and the system: on a full machine, threads wait long for others.
         "OMP_NUM_THREADS": str(max(1, usable_cores() - 1)),
     }
     places = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
@@ -201,7 +201,7 @@ class Pipeline:
                 f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
                 f"remove the folder to train anew with: {command}"
             )
-        # The checkpoint is its own; only of a few policies can be said that they load nothing by name.
+        # The training's own checkpoint is trusted: the check passes only policies that load nothing by name.
         words = [command.words[0], f"--config_path={checkpoints[-1]}"]
         kept = [word for word in command.words if word.startswith("--keep_last=")]
         return [*words, "--trust_checkpoint=true", "--resume=true", *kept]

@@ -67,7 +67,7 @@ class Plan:
 
     @property
     def run_folder(self) -> Path:
-        """The evaluations, beside the training unless that is of several tasks."""
+        """Folder of the evaluations; also of the training, unless that is on several tasks."""
         return self.folder / self.settings.run_id
 
     @property
@@ -193,8 +193,8 @@ class Plan:
         return Command(folder.name, words, folder / "eval_info.json", inputs=(self.weights(step),))
 
     def commands(self, step: int) -> Iterator[Command]:
-        """Every command in its order, when the checkpoint after so many steps is the best."""
-        yield from map(self.baseline, BASELINES)  # first: they refuse what the test cannot be
+        """All commands in order, if the checkpoint after `step` steps is the best."""
+        yield from map(self.baseline, BASELINES)  # first: they refuse an impossible test
         yield self.generation()
         yield self.training()
         if self.settings.val_episodes:

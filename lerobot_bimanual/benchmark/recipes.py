@@ -28,11 +28,11 @@ class Sizes:
     Attributes:
         image_size: side of the images in pixels, in the demonstrations and in the evaluations.
         val_episodes: episodes of the split `val` on which every checkpoint is scored to choose the best; with 0 the last
-            one is tested. Of `small`, whose rate falls to nothing at the last step, twenty would choose by chance.
+            one is tested. In `small`, the learning rate is almost 0 at the last step: twenty episodes would choose by chance.
         test_episodes: episodes of the split `test` on which the chosen checkpoint is scored.
-        intermediate: where on the way to a keypose observations are kept in the view `keyframes`, as fractions of the
-            motion. The paper keeps every tenth frame. They are seen with the label of the keypose that the hand is
-            nearly at, which teaches a small network to stay where it is (docs/learning.md).
+        intermediate: fractions of the motion to a keypose at which the view `keyframes` keeps further observations. The
+            paper keeps every tenth frame. Their label is the keypose that the hand has nearly reached, which teaches a
+            small network to stay where it is (docs/learning.md).
     """
 
     image_size: int
@@ -56,7 +56,7 @@ def sizes(recipe: str) -> Sizes:
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a policy is trained: all sections of a file, and what of them decides on the benchmark."""
+    """How a policy is trained: all sections of a recipe file, and the values that a benchmark reads from them."""
 
     file: Path
     sections: Mapping[str, Any]
@@ -120,7 +120,7 @@ class Recipe:
 
     @property
     def control_mode(self) -> str:
-        """`keypose` for LeRobot's policies of keyposes, which take the environment's action for theirs; else empty."""
+        """`keypose` for LeRobot's own policies on keyposes, whose action LeRobot sets to the environment's; else empty."""
         return "keypose" if self.view == "keyframes" and not self.depth else ""
 
     def options(self, image_size: int) -> dict[str, Any]:

@@ -207,7 +207,7 @@ def _read_report(path: Path, task: str) -> tuple[str, tuple[Episode, ...]]:
 
 
 def _check_one_world(worlds: dict[Path, str], task: str) -> None:
-    """Refuse files of several worlds; they may have been made long before each other."""
+    """Refuse files of different world versions; they may have been made at different times."""
     (first, world), *others = worlds.items()
     for path, other in others:
         if other != world:

@@ -5,7 +5,7 @@ Core knows no command but its own. Every installed distribution adds commands th
 
 CONTRIBUTING.md, "Adding a command", says how to write one, `lerobot_bimanual.cli.flags` which flags a dataclass gets.
 Exit codes: 0 done (or what the command returned), 1 the command failed with a clear message, 2 the command line is wrong,
-3 what was asked cannot be said, 130 interrupted, 129 or 143 terminated, 141 unfinished because the reader of its output has left.
+3 a check is inconclusive, 130 interrupted, 129 or 143 terminated, 141 unfinished because the reader of its output has left.
 """
 
 from lerobot_bimanual.cli.command_line import config_type_of, find_command, find_commands, main

@@ -1,4 +1,4 @@
-"""From the words of a command line to a command that an installed distribution adds, its help or a message."""
+"""Runs the command of an installed distribution that a command line names, or prints its help or an error."""
 
 import ast
 import inspect

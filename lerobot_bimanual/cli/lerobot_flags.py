@@ -1,4 +1,4 @@
-"""The values of LeRobot's flags, read before LeRobot is imported, which takes up to half a minute and then checks them."""
+"""Reads LeRobot's flags before LeRobot is imported, which takes up to half a minute; LeRobot checks them only then."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -7,7 +7,7 @@ from pathlib import Path
 from lerobot_bimanual.files import read_yaml
 
 TRUST_FLAG, KEEP_FLAG = "trust_checkpoint", "keep_last"
-"""Flags that LeRobot does not know: load what a checkpoint names without a check; of a training, how many checkpoints are kept."""
+"""Flags that LeRobot does not know: whether to load a checkpoint without a check, and how many a training keeps."""
 
 
 def flag_values(words: Sequence[str]) -> dict[str, str]:

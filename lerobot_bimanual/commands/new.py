@@ -61,7 +61,7 @@ def _folder(package: str) -> Path:
 
 
 def _write(source: Path, old: str, name: str, target: Path, taken: Collection[str]) -> None:
-    """Write what is in a folder, with another name that is not taken, into a new folder."""
+    """Copy a folder to a new one, and replace its name by another one that is not taken."""
     if not re.fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
         raise InvalidChoice("name", name, "small letters and digits, underscores between words, no keyword")
     if name in taken:

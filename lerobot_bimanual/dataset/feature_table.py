@@ -93,5 +93,5 @@ def features(
 
 
 def stored_depth(depth_mm: NDArray) -> NDArray[np.uint16]:
-    """Depth in mm as datasets store it: whole millimetres within the range, whose lower end is what was not measured."""
+    """Depth in mm as datasets store it: whole millimetres within the range; its lower end means not measured."""
     return np.rint(np.maximum(depth_mm, schema.DEPTH_MIN_M * schema.MM_PER_M)).astype(np.uint16)

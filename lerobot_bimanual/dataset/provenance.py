@@ -42,11 +42,11 @@ class Provenance(Record):
     """Everything needed to make a dataset again.
 
     Attributes:
-        schema_version: version of the feature table; a dataset of any is made anew in the present one.
+        schema_version: version of the feature table; a dataset that is made again has the present one.
         view: which rows and images are stored.
         versions: package -> version, of `distributions.STAMPED_PACKAGES`.
         worlds: task -> version of the world in which it was played.
-        settings: what was asked for, by option name; equal settings and versions give an equal dataset.
+        settings: options of the generation, by name; equal settings and versions give an equal dataset.
         command: the command line that regenerates it.
         episodes: key of each episode, in order of the episode index.
         skipped: seeds that failed, with the reason.
@@ -79,7 +79,7 @@ class Provenance(Record):
 
     @property
     def is_for_keypose_policies(self) -> bool:
-        """Whether there is all that policies with a voxel grid learn from: keyposes and depth."""
+        """Whether the dataset has keyposes and depth, from which policies with a voxel grid learn."""
         return self.view == "keyframes" and self.settings.get("depth") is not False
 
     def other_versions(self) -> dict[str, tuple[str, str]]:

@@ -1,7 +1,6 @@
 """Reads exported datasets back, without decoding an image and without importing LeRobot or torch.
 
-Files may come from a stranger or be damaged: whatever is not as it should be is a `BimanualError` that says what and
-where.
+Files may come from a stranger or be damaged: anything wrong raises a `BimanualError` that says what is wrong and where.
 """
 
 from collections.abc import Iterator, Sequence

@@ -32,8 +32,8 @@ DEPTH_MAX_M = 4.0
 MM_PER_M = 1000
 
 UNMEASURED_MM = DEPTH_MIN_M * MM_PER_M + 0.5
-"""Depth up to here means that none was measured: 0 in an environment, and in a dataset, whose codec has no 0, the lower
-end of the range. Nothing is as near, for that is where the near planes of all cameras are."""
+"""Depth up to this value means not measured. An environment gives 0; a dataset, whose codec has no 0, stores the lower end
+of the range. No surface is as near, because the near planes of all cameras are there."""
 
 IMAGE_PREFIX = "observation.images."
 CAMERA_EXTRINSICS = "observation.camera_extrinsics"

@@ -33,8 +33,8 @@ STATISTICS_EVERY = 10
 def rgb_encoder() -> RGBEncoderConfig:
     """H.264 that any browser plays, visually lossless; every other frame decodes without its neighbours.
 
-    The macroblock tree is off: for small frames x264 takes it from memory that it never wrote, so that the same
-    frames give other bytes now and then; with groups of two frames it has nothing to plan ahead for.
+    The macroblock tree is off: for small frames x264 reads it from uninitialised memory, so that equal frames
+    sometimes give different bytes; with groups of two frames there is nothing to plan ahead.
     """
     return RGBEncoderConfig(
         vcodec="h264",

@@ -22,10 +22,10 @@ bytes of the same pixels (measured over two cameras)."""
 
 
 class ImageFileWriter(AsyncImageWriter):
-    """Writes the image files that LeRobot stores in its table, each when it is handed over; takes the place of threads."""
+    """Writes the image files that LeRobot stores in its table, each at once instead of in threads."""
 
     def __init__(self):
-        """No queue, no thread: nothing of the base class but its interface."""
+        """Start no queue and no thread: only the interface of the base class is used."""
 
     def save_image(self, image: Any, fpath: Path, compress_level: int = PNG_LEVEL) -> None:
         """Write RGB uint8 (H, W, 3) as PNG, or depth uint16 (H, W, 1) as TIFF."""

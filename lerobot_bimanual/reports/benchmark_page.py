@@ -126,7 +126,7 @@ def success_table(table: Any) -> pd.DataFrame:
 
 
 def survival_table(results: Iterable[Scored]) -> pd.DataFrame | None:
-    """How many test episodes real arms would have gone through, of all and of the worst task; None where no result says it."""
+    """Share of test episodes that real arms would have survived: mean and lowest of the tasks; None if no result has it."""
     rates = ((each, survival_rate(each.episodes)) for each in results)
     rows = [_place(each) | {"rate": rate.rate} for each, rate in rates if rate is not None]
     if not rows:

@@ -34,8 +34,8 @@ INCIDENTAL = ("num_workers", "wandb.enable", "keep_last")
 class BenchmarkSettings(Record):
     """Settings of a benchmark, with every default of its recipe and protocol filled in.
 
-    Two benchmarks with equal settings are the same measurement. They have the names of the flags of `policy benchmark`, whose
-    help says what they mean, but for these:
+    Two benchmarks with equal settings are the same measurement. Fields have the names and meanings of the flags of `policy
+    benchmark`, which its help explains, except for these:
 
     Attributes:
         task: the one that is scored.

@@ -95,7 +95,7 @@ class Episode(Record):
             for a moment; None if they never did, or if that was not recorded.
         state_hash: SHA-256 of the final state, or its first 16 hexadecimal digits.
         load: loads of the arms; of an expert only where it was solved.
-        survived: whether real arms would have gone through them: no force, velocity or acceleration beyond their limits.
+        survived: whether real arms would have survived: no force, velocity or acceleration was beyond their limits.
         proof: how to play the episode again.
     """
 

@@ -20,7 +20,7 @@ WorldVersion = Annotated[str, Field(pattern="^[0-9a-f]{12}$")]
 
 
 class EvaluationHead(Record):
-    """What an evaluation of one task is of; two with equal heads may share their episodes.
+    """What identifies an evaluation of one task; evaluations with equal heads may share their episodes.
 
     Attributes:
         world: version of what the task's world does.
@@ -75,7 +75,7 @@ class EvaluationRecord(EvaluationHead):
 
     @property
     def policy_id(self) -> str:
-        """What played, as far as the environment was told."""
+        """Type of the policy; `unnamed` if the environment was not told."""
         return str(self.policy.get("type", "unnamed"))
 
     def of_seeds(self, seeds: Container[int]) -> Self:

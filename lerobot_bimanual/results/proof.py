@@ -1,8 +1,8 @@
-"""What proves an episode, as text: its actions, and a chain of hashes over its steps.
+"""The proof of an episode, as text: its actions, and a chain of hashes over its steps.
 
-Actions take a few bytes each and lose no bit. Consecutive ones resemble each other: what differs between their bit patterns
-is sorted by significance, so that the many zero bytes stand together, and compressed. In the chain, a change of one action
-or state changes every link from there on.
+Actions are stored without loss in a few bytes each. Consecutive actions are similar: the bits in which they differ are sorted
+by the significance of their bytes, so that the many zero bytes are adjacent, and compressed. In the chain, a change of one
+action or state changes every link from there on.
 """
 
 import base64

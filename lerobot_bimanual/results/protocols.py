@@ -1,7 +1,7 @@
 """Protocols: what a policy learns from and what it is tested on. Each is a column of the board.
 
-They are frozen: a result names its protocol, and is refused where that has other numbers here. How a policy is trained is no part
-of a protocol, but of its recipe.
+They are frozen: a result names its protocol, and is refused if that protocol has other flags here. How a policy is trained
+belongs to its recipe, not to the protocol.
 """
 
 from collections.abc import Mapping
@@ -50,9 +50,9 @@ class Protocol(Flags):
 RULES = ("max_keyposes", "protective_stop")
 """Options of the environment that decide what happens in an episode; a protocol leaves them at their defaults."""
 N_TASKS = 13
-"""Of the PerAct2 paper, from which the one network of `multitask` learns."""
+"""Tasks of the PerAct2 paper, from all of which the one network of `multitask` learns."""
 OWN = "own"
-"""That of a benchmark whose flags are those of no other."""
+"""The protocol of a benchmark whose flags match no other protocol."""
 PROTOCOLS = {
     OWN: Protocol(first_seed=0),  # the defaults of the flags
     "standard": Protocol(),

@@ -15,7 +15,7 @@ from lerobot_bimanual.results.record import Name, Record, Text, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
 MIN_EXPERT_RATE = 0.97
-"""Of a valid condition; where the expert solves less, a failure of a policy says nothing about the policy."""
+"""Minimum success rate of the expert on a valid condition; below it, a policy's failure says nothing about the policy."""
 
 type ConditionKey = tuple[str, int]
 """Axis and level of a condition; ("", 0) in the nominal world."""

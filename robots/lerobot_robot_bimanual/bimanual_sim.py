@@ -149,7 +149,7 @@ class BimanualSim(Robot):
             env.close()
             raise
         self._env = env
-        # LeRobot brings the arms back to where it found them, which an axis of perturbation may have moved.
+        # LeRobot brings the arms back to their first posture; an axis of perturbation may have changed it.
         self._homes = np.stack([HOME, env.progress.asked])
 
     def get_observation(self) -> dict[str, Any]:
@@ -196,7 +196,7 @@ class BimanualSim(Robot):
         return dict(zip(schema.JOINT_NAMES, command.tolist(), strict=True))
 
     def disconnect(self) -> None:
-        """Free the world, after a line about an episode that was not solved.
+        """Log the outcome of an unfinished episode, and free the world.
 
         Raises:
             DeviceNotConnectedError: before `connect`.

@@ -151,7 +151,7 @@ def becomes_another_error() -> None:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.timeout(30, method="thread")  # the alarm is in use
 @pytest.mark.parametrize("termination", [is_swallowed, becomes_another_error])
-def test_a_termination_is_answered_also_where_it(termination):
+def test_a_termination_is_answered_even_if_its_exception(termination):
     with pytest.raises(SystemExit) as exit_, unwound_by_termination():
         termination()
     assert exit_.value.code == 128 + signal.SIGTERM

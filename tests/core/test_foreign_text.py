@@ -1,4 +1,4 @@
-"""Whatever text stands in a file, no page and no line on a terminal takes it for more than text."""
+"""Pages and lines on a terminal show any text of a file as plain text, whatever it contains."""
 
 import json
 import re

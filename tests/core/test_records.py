@@ -69,7 +69,7 @@ def mutated_json(draw: st.DrawFn, container: Any) -> bytes:
 @pytest.mark.fuzz
 @pytest.mark.parametrize("record", EXAMPLES, ids=lambda record: type(record).__name__)
 @given(data=st.data())
-def test_a_record_survives_its_file_and_a_mutated_one_is_refused_or_reads_as_what_it_says(
+def test_a_record_is_read_back_unchanged_and_a_mutated_file_is_refused_or_read_consistently(
     record, data, tmp_path_factory
 ):
     path = tmp_path_factory.mktemp("mutated") / "mutated.json"

@@ -30,7 +30,7 @@ def expert_keyposes(task: str, player: Player = EXPERT, seed: int = SEED, pertur
 
 
 def shifted(index: int | slice, column: int | list[int], by: float, kept: bool = True) -> Change:
-    """An error: one number, or several, of one keypose or some is off, or has this value if nothing of it is kept."""
+    """An error: these columns of these keyposes are off by `by`, or have this value if `kept` is false."""
 
     def change(keyposes: Keyposes) -> Keyposes:
         changed = keyposes.copy()

@@ -1,4 +1,4 @@
-"""One arm alone: no known way does the tasks that need two, and the others are done; both arms have to look."""
+"""With one arm, no known way solves a task that needs two, and the others are solved; both arms' keyposes vary."""
 
 import coordination
 import pytest

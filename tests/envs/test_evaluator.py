@@ -105,7 +105,7 @@ def test_a_seed_without_a_placement_is_a_failed_episode_and_not_the_end(monkeypa
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_an_accident_is_an_error_that_names_its_episode_and_all_others_are_kept(workers, tmp_path):
+def test_an_unexpected_error_names_its_episode_and_all_other_episodes_are_kept(workers, tmp_path):
     log = EpisodeLog(tmp_path / "log.jsonl")
     players = ("noop", "unknown", "noop")
     specs = [EpisodeSpec("lift_ball", "any", "test", seed, player) for seed, player in enumerate(players)]

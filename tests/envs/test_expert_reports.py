@@ -202,7 +202,7 @@ def version_now() -> str:
     return world_version.__wrapped__(TASK)
 
 
-def test_every_task_has_its_own_short_one_whenever_it_is_asked_for_and_several_have_one_together():
+def test_every_task_has_its_own_short_world_version_and_several_tasks_have_a_joint_one():
     assert len(world_version(TASK)) == VERSION_DIGITS
     assert version_now() == world_version(TASK) != world_version("push_box")
     both = {"a": "1", "b": "2"}
@@ -229,7 +229,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
-def test_a_change_of_what_happens_changes_it(monkeypatch, change):
+def test_a_change_of_what_happens_changes_the_world_version(monkeypatch, change):
     before = world_version(TASK)
     monkeypatch.setattr(*change)
     assert version_now() != before

@@ -1,4 +1,4 @@
-"""Whatever is given to an environment: a transition, or one error in words that leaves everything as it was."""
+"""Any input to an environment gives a transition, or one clear error that leaves everything as it was."""
 
 import itertools
 from dataclasses import fields

@@ -1,4 +1,4 @@
-"""What is told about the first two keyposes of an episode is how far they were moved."""
+"""The errors measured for the first two keyposes of an episode are the distances by which they were moved."""
 
 import kept_errors
 import numpy as np

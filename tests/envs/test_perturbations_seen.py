@@ -1,4 +1,4 @@
-"""Axes that change only what is seen and said: no state, no other axis's part."""
+"""Axes that change only observations and instructions: no state, and nothing that other axes change."""
 
 import itertools
 import math
@@ -56,7 +56,7 @@ def as_it_is():
 
 
 @pytest.mark.parametrize("axis", SEEN)
-def test_what_is_only_seen_changes_no_state_and_no_more_of_what_is_seen_than_it_says(axis, as_it_is):
+def test_an_axis_of_observations_changes_no_state_and_only_its_part_of_the_observation(axis, as_it_is):
     hashes, plain, instruction = as_it_is
     env = make(f"{axis}:3")
     assert hash_sequence(env, SEED, ticks=2) == hashes

@@ -45,7 +45,7 @@ def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(wor
     assert lost.startswith("its worker process died, also when it was tried alone")
 
 
-def test_an_error_comes_home_as_it_was_raised_and_whatever_else_goes_wrong_in_words():
+def test_our_errors_are_raised_again_unchanged_and_all_others_with_a_description():
     for function, error, complaint in (
         (get_task, InvalidChoice, "task is '7'"),
         (jobs.raise_unportable, WorkFailed, r"7: unexpected Unportable: two numbers \(worker_jobs.py, line"),

@@ -19,7 +19,7 @@ class Unportable(Exception):
 
 
 def double_or_die(word: str) -> str:
-    """Twice the word; `obstinate` kills its process each time, a path only if no file is there, which it makes."""
+    """Twice the word; `obstinate` kills its process each time, a path only the first time, when it makes the file."""
     if word == OBSTINATE:
         os.kill(os.getpid(), signal.SIGKILL)
     if word.startswith("/") and not Path(word).exists():

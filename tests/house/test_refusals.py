@@ -1,4 +1,4 @@
-"""What cannot be meant or written is said on one line, before anything is made or played."""
+"""Impossible flags and unwritable outputs are reported on one line, before anything is made or played."""
 
 from dataclasses import fields
 from pathlib import Path

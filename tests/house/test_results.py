@@ -1,4 +1,4 @@
-"""What is committed of results: pages are those of rows and reports, of present worlds; every trained policy belongs to a row."""
+"""Committed results: pages match rows and reports, which are of the present worlds; every trained policy belongs to a row."""
 
 import shlex
 from pathlib import Path

@@ -174,7 +174,7 @@ def test_datasets_of_joint_actions_are_refused():
         fit_config(PerAct2Config(device="cpu"), Meta(["lift"], 16, 16, "frames"), None)
 
 
-def test_what_was_measured_is_where_it_was_bit_for_bit_and_what_was_not_is_no_point(make_batch):
+def test_measured_pixels_give_the_same_points_bit_for_bit_and_unmeasured_pixels_give_none(make_batch):
     batch = make_batch()
     batch[schema.CAMERA_EXTRINSICS] += 0.001 * torch.arange(80)  # every camera has a calibration of its own
     batch[schema.CAMERA_INTRINSICS] *= 1 + 0.001 * torch.arange(45)

@@ -1,4 +1,4 @@
-"""Points become voxels, and what is read of the stem equals reading it from a map that is laid out."""
+"""Voxel grids of points, and stem features, which equal those computed from the whole feature map."""
 
 import peract2_written_out as reference
 import pytest

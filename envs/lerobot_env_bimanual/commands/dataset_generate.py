@@ -104,10 +104,10 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
 
 
 def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -> None:
-    """Make a dataset in the folder `root`, or go on with one that was begun, unless it is complete; says what it took.
+    """Make a dataset in the folder `root`, or continue an unfinished one, unless it is complete; prints a summary.
 
     Raises:
-        BimanualError: the place is taken, damaged or cannot be written, or something cannot be recorded.
+        BimanualError: the folder is taken, damaged or not writable, or an episode cannot be recorded.
     """
     from lerobot_env_bimanual.generation.build import build_dataset
     from lerobot_env_bimanual.generation.staging import staged

@@ -74,7 +74,7 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
         indices = parse_episodes(config.episode_indices, max(view.n_episodes for view in readable))
 
         def unverified(_: int, reason: str) -> list[Findings]:
-            """What is found where the checks of an episode come to no end."""
+            """The findings for an episode whose checks did not finish."""
             return [Findings({READABLE: [Fault(reason)]})] * len(readable)
 
         # Both views of an episode are verified in one go, which plays it once.
@@ -126,7 +126,7 @@ def parse_episodes(text: str, count: int) -> list[int]:
 
 
 def _views(root: Path) -> list[Path]:
-    """Folders of the views of a dataset, with those that should be there and are not."""
+    """Folders of the views of a dataset, including missing ones that its provenance names."""
     from lerobot_bimanual.dataset.provenance import Provenance
     from lerobot_bimanual.dataset.reader import find_view, views_below
     from lerobot_bimanual.dataset.schema import VIEWS
@@ -204,7 +204,7 @@ def _line(episode: int | None, fault: Fault) -> str:
     place = "" if episode is None else f"episode {episode}: "
     if fault.row is not None:
         place = f"episode {episode}, row {fault.row}: "
-    # Names of columns and files are those that the dataset has, and a terminal obeys what it cannot print.
+    # Names of columns and files come from the dataset; a terminal would execute control characters in them.
     return place + (fault.text if fault.text.isprintable() else repr(fault.text))
 
 

@@ -95,7 +95,7 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
 
 
 def _check(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> None:
-    """Refuse what is impossible, and what would change nothing although a report would claim it."""
+    """Refuse impossible options, and options that would have no effect although the report would state them."""
     plan = 1 if config.player == "mixed" else config.plan
     for spec in (get_task(task).spec for task in tasks):
         if config.variation != EACH_VARIATION:

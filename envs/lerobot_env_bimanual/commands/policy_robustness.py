@@ -99,7 +99,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
 
 
 def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
-    """What is to be played; refuses what cannot be, before anything heavy is imported."""
+    """The sweep that the options describe; refuses impossible options before heavy imports."""
     from lerobot_bimanual.results.robustness import read_expert_robustness
     from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
     from lerobot_env_bimanual.sweep.conditions import conditions_of

@@ -10,9 +10,9 @@
 | zero quaternion | `InvalidAction` | the episode ends as a failure |
 | other quaternion, flags | normalised, true above 0.5 | the same |
 
-Clipping a policy's regressed targets is the field's habit, and an untrained network must be able to run
-through `lerobot-eval`; a caller who chose a strict mode made a mistake instead. Keyposes that cannot be reached
-are not bad actions: they end the episode as a failure in every mode.
+Clipping a policy's regressed targets is common practice, and an untrained network must be able to run through
+`lerobot-eval`. In a strict mode, such a target is a mistake of the caller. Keyposes that cannot be reached
+are valid actions: they end the episode as a failure in every mode.
 
 An `InvalidAction` leaves a single environment as it was: its caller made a mistake, and may go on with a better action.
 In a vector environment it ends the episode of its own environment as a failure, as no caller can correct one of many
@@ -43,7 +43,7 @@ from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 JOINT_TOLERANCE_RAD = 0.1
 SHARE = 0.9999
-"""Of the limits that replaced actions keep, so that they keep the limits when they are rounded to float32."""
+"""Share of the limits that replacement actions use, so that they keep the limits when rounded to float32."""
 EMPTY_ACTION = np.zeros(0, np.float32)
 """Recorded in place of an action that could not be read."""
 
@@ -121,7 +121,7 @@ class ActionReader:
         return clipped
 
     def limited(self, wanted: NDArray[np.float32], progress: EpisodeProgress) -> NDArray[np.float32]:
-        """The action (16,) that the arms are given for a wanted one, after those that `progress` remembers."""
+        """The action (16,) within the limits that replaces a wanted one, given the last actions in `progress`."""
         step = np.subtract(wanted, progress.asked, dtype=np.float64)
         of_target = np.clip(np.subtract(wanted, progress.wanted, dtype=np.float64), -self._most, self._most)
         behind = step - of_target  # how far from keeping pace with what is wanted

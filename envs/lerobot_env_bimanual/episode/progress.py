@@ -1,4 +1,4 @@
-"""What an episode remembers besides the state of its scene, and what its seed draws first."""
+"""The state of an episode besides that of its scene, and what its seed determines before the reset."""
 
 import hashlib
 from collections.abc import Iterable
@@ -26,10 +26,10 @@ class EpisodeProgress:
 
     Attributes:
         seed: of the reset.
-        variation: what was drawn or asked for.
+        variation: the drawn or chosen variation.
         instruction: the sentence that a policy is given.
         rng: the episode's only source of randomness.
-        prop_set: index of its set of props, of those of the task in the setting.
+        prop_set: index of its set of props among the task's sets for the setting.
         draws: placements that the reset drew until one could be rehearsed.
         conditions: each condition's name and whether it is met now; between the ticks of a step those after the first
             that is not met are left out.
@@ -93,7 +93,7 @@ class EpisodeProgress:
             self.clipped_rad = max(self.clipped_rad, float(np.abs(asked - wanted).max()))
 
     def judge(self, conditions: Iterable[Condition], scene: SceneView) -> None:
-        """Evaluate the conditions after a tick; those of a single tick only as far as the first unmet one."""
+        """Evaluate the conditions after a tick: all `Once` and `Always` ones, the others up to the first unmet one."""
         self.on_the_way = on_the_way(conditions, scene, self.on_the_way)
         self.conditions = check(conditions, scene, self.on_the_way, until_unmet=True)
         self.held_ticks = self.held_ticks + 1 if all(self.conditions.values()) else 0
@@ -112,7 +112,7 @@ class EpisodeProgress:
         return digest.hexdigest()
 
     def info(self) -> dict[str, Any]:
-        """What the environment tells besides its observation."""
+        """The `info` that the environment returns with its observation."""
         return {
             "is_success": self.succeeded,
             "conditions": dict(self.conditions),

@@ -38,8 +38,8 @@ class Rehearsal:
 
     Args:
         scene: the world in which the scripts are to be played. It is read, never changed.
-        codecs: a script is gone through once for each, with its keyposes rounded to these voxels and bins; None
-            stands for the exact keyposes.
+        codecs: a script is rehearsed once for each codec, with its keyposes rounded to the codec's voxels and
+            bins; None leaves the keyposes exact.
     """
 
     def __init__(self, scene: SceneView, codecs: Sequence[KeyposeCodec | None] = (None,)):
@@ -50,11 +50,11 @@ class Rehearsal:
         self._joints: Postures = {}
 
     def infeasibility(self, script: Script) -> str | None:
-        """What keeps both arms from going through a script from the scene's present state.
+        """Why both arms cannot execute a script from the scene's present state.
 
         Checked at first: no prop in an arm or right beside it. Checked at every stage: targets inside the workspace,
-        a collision-free goal for planned stages and feasible straight lines for the others, joint margins, no arm in
-        itself, the table or the other arm.
+        a collision-free goal for planned stages and feasible straight lines for the others, joint margins, no
+        collision of an arm with itself, the table or the other arm.
 
         Args:
             script: yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
@@ -155,7 +155,7 @@ class Rehearsal:
 
 
 class RehearsalView(SceneView):
-    """A view of a state of its own, whose arms are set rather than driven."""
+    """A view with its own state, in which the arms' joints are set directly instead of being driven."""
 
     def __init__(self, scene: SceneView):
         super().__init__(scene.model, scene.commanded, scene.props, scene.setting)

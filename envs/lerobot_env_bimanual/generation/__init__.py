@@ -1,1 +1,1 @@
-"""Makes datasets: which seeds are tried, who records them, and how shards become a dataset that is never half."""
+"""Makes datasets: plans which seeds are tried, records shards, and publishes the merged dataset in one move."""

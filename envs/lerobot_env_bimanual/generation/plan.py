@@ -68,7 +68,7 @@ def next_round(settings: GenerationSettings, reports: Sequence[ShardReport]) -> 
 def _candidates(
     settings: GenerationSettings, task: str, found: Counter, tried: Counter
 ) -> Iterator[EpisodeKey]:
-    """As many untried candidates of each variation and plan as they lack episodes."""
+    """Untried candidates: for each variation and plan, as many as its missing episodes."""
     variations = settings.variations_of(task)
     plans = len(get_task(task).spec.plans) if settings.plans == "several" else 1
     for (plan, variation), nth in zip(product(range(plans), variations), count()):

@@ -150,7 +150,7 @@ class Origin(Record):
 
     @classmethod
     def here(cls, settings: GenerationSettings) -> Self:
-        """That of what is made by this installation; plays one episode per task to know its world."""
+        """The origin of a dataset made by this installation; plays one episode per task to find its world version."""
         return cls(
             schema_version=SCHEMA_VERSION,
             settings=settings.model_dump(mode="json"),
@@ -159,10 +159,10 @@ class Origin(Record):
         )
 
     def refuse_at(self, place: Path, found: Origin | Provenance) -> None:
-        """Refuse a place that holds something of another origin than this.
+        """Refuse the folder `place` if what it holds has another origin.
 
         Raises:
-            DatasetError: it does; the message lists what differs.
+            DatasetError: the origins differ; the message lists the differences.
         """
         pairs = [(getattr(found, part), getattr(self, part)) for part in ("settings", "versions", "worlds")]
         pairs.append(({"schema_version": found.schema_version}, {"schema_version": self.schema_version}))

@@ -172,7 +172,7 @@ def new_folder(parent: Path) -> Iterator[Path]:
 
 
 def place_shard(folder: Path, target: Path) -> None:
-    """Give a finished shard its name; a target that exists already is as good, and stays."""
+    """Move a finished shard to its final folder; an existing one is equivalent, and is kept."""
     if not target.exists():
         move_durably(folder, target)
 

@@ -11,7 +11,7 @@ from lerobot_env_bimanual.world.scene import Scene
 DRIFT_PERIOD_S = (4.0, 12.0)
 """Range of the period of a joint's drift; about as long as a task takes."""
 MISS_TICKS = 10
-"""After which a miss is whole; the way to the first keypose takes longer."""
+"""Ticks after which a miss has its full size; the motion to the first keypose takes longer."""
 N_POSTURES = 20
 """Start postures that are drawn; the first that can be used is taken."""
 

@@ -26,13 +26,13 @@ type Group = Literal["seen", "clutter", "bodies", "arms", "words", "time"]
 
 @dataclass(frozen=True)
 class Moment[Memory]:
-    """What a hook is given: an episode at one of its ticks, the level's magnitude, and a generator of the axis's own.
+    """The argument of a hook: an episode at one of its ticks, the level's magnitude, and a generator of the axis's own.
 
     Attributes:
-        axis: whose hook is called.
-        magnitude: of the level.
-        rng: of the axis, the hook and the episode; for `command` also of the tick, for `see` also of tick and camera. It
-            is the same at every level, so that a higher level is more of the same.
+        axis: the axis whose hook is called.
+        magnitude: magnitude of the level.
+        rng: generator seeded by axis, hook and episode; for `command` also by the tick, for `see` also by tick and camera. It
+            draws the same numbers at every level, so that levels differ only in magnitude.
         scene: the world.
         progress: the episode.
     """
@@ -58,9 +58,9 @@ class Start[Memory](Moment[Memory]):
     """The start of an episode, after its props were placed and before they come to rest.
 
     Attributes:
-        task: whose episode it is.
-        cameras: names of those that hand out images.
-        is_feasible: rehearses the task's script in the present scene; says whether both arms can do it.
+        task: task of the episode.
+        cameras: names of the cameras in the observation.
+        is_feasible: rehearses the task's script in the present scene; returns whether both arms can execute it.
     """
 
     task: Task

@@ -124,7 +124,7 @@ def _enlarge(model: mujoco.MjSpec, magnitude: float) -> None:
 
 
 def _lift_enlarged(start: Start) -> None:
-    """Lift what would stick in its support: heights above what does not move freely are scaled, too, and boxes of conditions."""
+    """Lift enlarged bodies out of their support: scale heights above bodies that are not free, and boxes of conditions."""
     scene = start.scene
     for root in free_roots(scene.model):
         name = scene.model.body(root).name
@@ -139,7 +139,7 @@ def _height_above_support(scene: Scene, pose: Pose) -> float:
     point, found = pose.position.copy(), np.zeros(1, dtype=np.int32)
     down, normal = np.array([0.0, 0.0, -1.0]), np.zeros(3)
     while (distance := mujoco.mj_ray(scene.model, scene.data, point, down, None, 1, -1, found, normal)) >= 0:
-        is_inside = normal[2] < 0  # as below what lies on the table: the ray meets the board's lower face
+        is_inside = normal[2] < 0  # the ray began inside a body, such as the table, and leaves it below
         surface_m = point[2] if is_inside else point[2] - distance
         if not is_free[scene.model.geom_bodyid[found[0]]]:
             return float(pose.position[2] - surface_m)
@@ -243,7 +243,7 @@ def _neighbours(scene: Scene, roots: list[int]) -> dict[int, Neighbours]:
 
 
 def _can_stay(before: Neighbours, after: Neighbours, moved: list[int]) -> bool:
-    """Whether a moved thing still touches all that it touched and that was not moved, and sinks into nothing."""
+    """Whether a moved thing still touches all unmoved things that it touched before, and sinks into none."""
     kept = {key for key in before if key[0] not in moved} <= after.keys()
     return kept and all(
         distance_m > before.get(key, 0.0) - MAX_SINKING_M

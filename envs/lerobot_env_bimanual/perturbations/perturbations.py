@@ -28,7 +28,7 @@ class Perturbations:
     Attributes:
         magnitudes: of each chosen axis, by its name.
         changes_model: whether the world is compiled differently.
-        late_ticks: ticks for which the end of a motion is waited for.
+        late_ticks: ticks for which the last action of a keypose's motion is repeated.
 
     Raises:
         BimanualError: an axis does not exist, or cannot be loaded.

@@ -29,7 +29,7 @@ HUE_TURN_RAD = np.deg2rad(150)
 COLOUR_SHIFT = 0.35
 """Changes of the props at magnitude 1: a turn of all hues, and a shift of all colours in units of a channel."""
 N_COLOUR_CHANGES = 16
-"""Changes that are drawn; the one that spares the fewest colours because they are named is taken."""
+"""Candidate changes that are drawn; the one that leaves the fewest colours unchanged is taken."""
 UNCOLOURED = (0.5, 0.5, 0.5, 1.0)
 """Colour of a geom that has the colour of its material."""
 
@@ -106,9 +106,9 @@ def named_colours(spec: TaskSpec) -> set[str]:
 
 
 def _recolour_props(start: Start, appearance: Appearance) -> Appearance:
-    """Draw one change for all props, so that things of one colour still have one, such as a rope's end and its plate.
+    """Draw one change for all props, so that things that share a colour still do, such as a rope's end and its plate.
 
-    Colours that an instruction names, or that would become such, stay: things are told apart by them.
+    Colours that an instruction names, before or after the change, are kept: instructions tell things apart by them.
     """
     scene, rng, named = start.scene, start.rng, named_colours(start.task.spec)
     worn = appearance.fields.get("geom_rgba", scene.model.geom_rgba).copy()

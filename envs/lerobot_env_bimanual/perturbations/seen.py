@@ -33,7 +33,7 @@ MAX_DARK = 60
 """At magnitude 1 pixels whose channels are all at most this, of 255, are too dark to be measured."""
 
 ALWAYS_SEEN, *MAY_FAIL = CAMERA_NAMES
-"""A policy that gets no image at all refuses to act, so the first camera, `front`, never fails, or, without it, one of the others."""
+"""A policy without any image refuses to act, so `front` never fails; if it is not observed, one other camera does not fail."""
 
 
 def _move_cameras(start: Start, appearance: Appearance, *, calibrated: bool) -> Appearance:
@@ -105,8 +105,8 @@ def _lose_depth(moment: Moment[dict[str, float]], camera: str, image: Image) -> 
     height, width = depth_m.shape
     step = max(1, round(moment.magnitude * EDGE_SHARE * height))
     most = np.float32(moment.memory[camera] * step / height)
-    # One step along the diagonal finds what changes along rows and along columns; as one line of numbers NumPy goes
-    # through an image several times as fast as row by row.
+    # One step along the diagonal finds changes along rows and along columns. NumPy processes an image as one
+    # flat array several times as fast as row by row.
     lost, line = _is_dark(rgb, round(moment.magnitude * MAX_DARK)), depth_m.reshape(-1)
     back = step * (width + 1)
     change_m = line[back:] - line[:-back]

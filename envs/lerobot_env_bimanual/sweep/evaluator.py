@@ -164,8 +164,8 @@ class Evaluator(WorkerPool):
         """Outcomes of episodes, in their order, with a progress bar called `label`.
 
         Raises:
-            BimanualError: an accident, such as the death of its process, ended an episode. All others are played, and kept
-                in the log, before it is raised.
+            BimanualError: an episode could not be played, as when its process died. All others are played, and kept in the
+                log, before it is raised.
         """
         known = {spec: outcome for spec in specs if self._log and (outcome := self._log.get(spec))}
         missing = [spec for spec in specs if spec not in known]

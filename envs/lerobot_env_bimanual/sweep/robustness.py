@@ -90,7 +90,7 @@ class PolicySweep:
         return [key for key in self.conditions if result is None or key not in result.by_key]
 
     def run(self) -> Iterator[PolicyCondition]:
-        """Renew validity by the expert's report, play missing conditions, and give each after it is written.
+        """Update validity from the expert's report, play missing conditions, and yield each after it is written.
 
         Raises:
             BimanualError: as in `played`; or a condition or its expert report is of another world, or cannot be played; or
@@ -136,7 +136,7 @@ class PolicySweep:
                 yield condition
 
     def _check_worlds(self) -> None:
-        """Make sure that chosen conditions that are played or reported already are of the worlds here."""
+        """Refuse chosen conditions that were played or reported in other worlds than the present ones."""
         result, chosen = self.played(), [*self.conditions]
         played = result.by_key if result else {}
         reported = self.expert_report.by_key if self.expert_report else {}

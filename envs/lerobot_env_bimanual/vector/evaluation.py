@@ -70,8 +70,8 @@ class _Entry(Record):
 class KeptEpisodes:
     """The episodes of an evaluation of one task in a folder.
 
-    Each is appended to `<name>_record.partial.jsonl` as it ends, and on the disk before the next begins. `finish` makes
-    `<name>_record.json` of them when all that were asked for are there.
+    Each is appended to `<name>_record.partial.jsonl` as it ends, and on the disk before the next begins. `finish` writes
+    them to `<name>_record.json` when all requested episodes are there.
 
     Attributes:
         known: the episodes by seed.
@@ -120,7 +120,7 @@ class KeptEpisodes:
             else:
                 self._interrupted = []
                 journal.restart(head.model_dump_json())
-        except BimanualError:  # a notebook keeps the error, and with it the journal
+        except BimanualError:  # a notebook would keep the error, and with it the open journal
             if journal.header:
                 journal.close()
             else:
@@ -136,9 +136,9 @@ class KeptEpisodes:
         self.known[episode.seed] = episode
 
     def begin(self, seeds: Mapping[int, int | None]) -> dict[int, Episode]:
-        """Environment -> its episode, of those of a batch that have been played before.
+        """Environment -> its episode, for the episodes of a batch that have been played before.
 
-        The first batch that is played since an interruption has the random numbers that it had before.
+        The first batch that is played after an interruption starts from the random state that it had before.
         """
         self.open()
         known = self.known if self._evaluation.policy else {}

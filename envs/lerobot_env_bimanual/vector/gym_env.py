@@ -43,7 +43,7 @@ def make_env(
 
 
 def checked_keys(keys: Any) -> Keys:
-    """The names of an observation's arrays, refused unless they are of `Keys`."""
+    """The argument `keys`, refused unless it is one of `Keys`."""
     if keys not in get_args(Keys):
         raise InvalidChoice("keys", keys, get_args(Keys))
     return keys

@@ -174,7 +174,7 @@ class LazyVectorEnv(VectorEnv):
             return self._running
 
     def _ask[Answer](self, question: Callable[[SyncVectorEnv | AsyncVectorEnv], Answer]) -> Answer:
-        """Have the environments do something; after an error, workers cannot be used any more and are ended."""
+        """Call `question` with the environments; after an error, worker processes are ended, as they are unusable."""
         envs = self._ensure()
         try:
             with _named_death(envs.processes if isinstance(envs, AsyncVectorEnv) else ()):
@@ -205,7 +205,7 @@ class LazyVectorEnv(VectorEnv):
         """Start an episode in every environment; a single seed is counted up.
 
         Raises:
-            InvalidChoice: seeds or options that are none.
+            InvalidChoice: the seeds or options are invalid.
             WorkerDied: a worker has died; the next reset starts all environments anew.
         """
         seeds, chosen = _checked_seeds(seed, self.num_envs), checked_reset_options(options)
@@ -234,7 +234,7 @@ class LazyVectorEnv(VectorEnv):
         return observations, rewards, terminated, truncated, info
 
     def _arrays(self, actions: Any) -> list[NDArray | InvalidAction]:
-        """The action of each environment as an array, which the environment checks; or why it is none."""
+        """The action of each environment as an array, which the environment checks, or the error of an unreadable action."""
         rows = list(actions) if isinstance(actions, Iterable) else []
         if len(rows) != self.num_envs:
             shape = f" of shape {tuple(actions.shape)}" if isinstance(actions, np.ndarray) else ""

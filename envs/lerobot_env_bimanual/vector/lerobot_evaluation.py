@@ -55,7 +55,7 @@ def evaluation_of_program() -> Evaluation:
 def evaluation_of(
     policy: PreTrainedConfig, seeds: range, rename_map: Mapping[str, str] | None = None
 ) -> Evaluation:
-    """The evaluation of a policy, by its config as it was loaded, on seeds; the first is also that of its own randomness."""
+    """The evaluation of a policy, given its loaded config, on seeds; the first also seeds the policy's own randomness."""
     options = draccus.encode(policy)
     place = options.pop("pretrained_path", None)
     facts = json.dumps([options, dict(rename_map or {})], sort_keys=True, default=str)

@@ -105,7 +105,7 @@ def evaluate(
 
 def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> None:
     """Play an episode of each seed."""
-    # They fill up the batch, and get the last action, so that one of a wrong length is refused as without them.
+    # Fillers complete the batch. They get the last action, so that a wrong length is refused as without them.
     fillers = range(seeds[-1] + 1, seeds[-1] + 1 + envs.num_envs - len(seeds))
     observations, info = envs.reset(seed=[*seeds, *fillers])
     actions: list[Any] = [None] * envs.num_envs

@@ -52,7 +52,7 @@ class Player:
 
 
 def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demonstration) -> Iterator[Fault]:
-    """Where the columns of an episode are not, bit for bit, those of the same episode played again."""
+    """Faults: where an episode's columns differ, in any bit, from those of the same episode played again."""
     if stored.meta.instruction != played.meta.instruction:
         yield Fault(f"the instruction is {stored.meta.instruction!r}, not {played.meta.instruction!r}")
     ticks = stored.columns[schema.TICK]

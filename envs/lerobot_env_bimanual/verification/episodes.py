@@ -89,7 +89,7 @@ def _find(player: Callable[..., Any], task: str, options: Options, episode: Epis
 
 
 def replay_env(task: str, options: Mapping[str, str | int], **seen: Any) -> BimanualEnv:
-    """An environment in which an evaluation is replayed, by its options; `seen` are those of what is seen meanwhile."""
+    """An environment that replays an evaluation, given its options; `seen` are options of the observations meanwhile."""
     usual = EnvOptions()
     keywords = {name: type(getattr(usual, name))(options[name]) for name in REPLAY_OPTIONS if name in options}
     return BimanualEnv(task, obs="state", **keywords, **seen)

@@ -24,11 +24,11 @@ MAX_NUMBERS = 2**24
 
 
 class NotSafeToSay(CheckpointError):
-    """A checkpoint that names something beyond what is known to load nothing.
+    """A checkpoint of which a part may load something by name.
 
     Args:
-        what: the part of the checkpoint that names it.
-        named: that part's options that may do so, as text.
+        what: the part of the checkpoint.
+        named: options of that part that may load something, as text.
     """
 
     exit_code = 3
@@ -100,7 +100,7 @@ def check_classes(file: Path, processor: object) -> None:
 
 
 def step_names(file: Path, processor: object) -> list[str]:
-    """The names of the steps of a processor, the JSON value in a file; their options are checked, and the tensors that they name.
+    """Check the options and tensors of the steps of a processor, the JSON value in a file, and return the names of the steps.
 
     Raises:
         CheckpointError: the file is malformed, or an option or a tensor is.

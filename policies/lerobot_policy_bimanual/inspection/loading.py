@@ -66,7 +66,7 @@ def open_dataset(root: Path) -> LeRobotDataset:
     """Open a dataset of keyposes.
 
     Raises:
-        DatasetError: it is none.
+        DatasetError: it is not such a dataset.
     """
     features = read_info(root)["features"]
     check_features(features, root)

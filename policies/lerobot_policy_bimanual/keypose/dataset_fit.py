@@ -54,7 +54,7 @@ def check_label(shape: Sequence[int]) -> None:
     """Refuse actions of another shape than a keypose.
 
     Raises:
-        DatasetError: they have one.
+        DatasetError: the shape is different.
     """
     if tuple(shape) != (KEYPOSE_DIM,):
         raise DatasetError(

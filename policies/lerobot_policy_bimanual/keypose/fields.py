@@ -1,4 +1,4 @@
-"""Config fields that know which values they may hold, so that a range is written once, beside the default.
+"""Config fields that check their values, so that a range is written once, beside the default.
 
 The ranges are wide. They exclude what cannot work, and sizes that would fill the memory of a machine.
 """

@@ -113,7 +113,7 @@ class KeyposePolicy(PreTrainedPolicy):
     def load_state_dict(
         self, state_dict: Mapping[str, Tensor], strict: bool = True, assign: bool = False
     ) -> Any:
-        """Take over weights: all of them and no others, where LeRobot by default only warns.
+        """Load exactly the weights of the network; LeRobot by default only warns of missing and unknown ones.
 
         Raises:
             CheckpointError: weights are missing, unknown or of another shape.

@@ -1,4 +1,4 @@
-"""Words as a large language model has them: frozen vectors that the package wordllama ships, so nothing is downloaded."""
+"""Language encoder with a large language model's word vectors, frozen; the package wordllama has them: no download."""
 
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn

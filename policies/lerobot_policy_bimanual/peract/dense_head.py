@@ -95,7 +95,7 @@ class LogitConv3d(nn.Module):
 
 
 class DenseTranslationHead(nn.Module):
-    """Patches up to voxels, joined with the voxel stem; weights shared by the arms except the last layer."""
+    """Upsamples patches to voxels and joins them with the voxel stem; the arms share all weights but the last layer's."""
 
     def __init__(self, config: PerActConfig, *, arms: int):
         super().__init__()

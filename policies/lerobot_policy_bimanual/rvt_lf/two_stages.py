@@ -72,7 +72,7 @@ class StagedRVT(nn.Module):
 
 @dataclass(frozen=True, eq=False)
 class FineTranslation:
-    """Distributions over the voxels of the workspace, and over finer ones around a position, which decide.
+    """Distributions over the voxels of the workspace and over finer ones around a position; the finer ones decide.
 
     Attributes:
         coarse: over the workspace.

@@ -66,7 +66,7 @@ def magnified(place: Tensor, middle: Tensor, zoom: int, size: int) -> Tensor:
 
 
 def reduced(place: Tensor, middle: Tensor, zoom: int, size: int) -> Tensor:
-    """Where places (..., 3) among the smaller voxels of `magnified` lie among the others: its opposite."""
+    """Inverse of `magnified`: where places (..., 3) in its smaller voxels lie in the larger ones."""
     return middle + (place - (size - 1) / 2) / zoom
 
 

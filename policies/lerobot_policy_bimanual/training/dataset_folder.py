@@ -1,4 +1,4 @@
-"""Whether a folder holds the dataset of a training, known before LeRobot and torch are imported."""
+"""Checks the dataset folder of a training before LeRobot and torch are imported."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,15 +10,15 @@ from lerobot_bimanual.errors import DatasetError
 
 
 def check_dataset(root: Path, episodes: Sequence[int] = (0,)) -> None:
-    """Whether the folder of a training's dataset holds it; LeRobot would look for it on the Hub otherwise.
+    """Refuse a folder without the dataset of a training, for which LeRobot would then look on the Hub.
 
     Args:
         root: the folder.
-        episodes: some that it has to hold.
+        episodes: some episodes that it must have.
 
     Raises:
-        DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for, or of
-            another schema, or with a damaged calibration.
+        DatasetError: the folder is the one above the views, or has no dataset, or one that lacks some of `episodes`, is of
+            another schema, or has a damaged calibration.
         BadRecord: its provenance is damaged.
     """
     if views := views_below(root):

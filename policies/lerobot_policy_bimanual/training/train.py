@@ -87,7 +87,8 @@ class AcceleratorWithMemory:
 
     def _accelerator(self) -> Accelerator:
         if self._made is None:
-            # LeRobot first uses it just before it adds its own handler, when a message of a library adds another.
+            # LeRobot first uses it just before it adds its own log handler. A library's message here adds
+            # another one, which is removed again.
             root = logging.getLogger()
             handlers = [*root.handlers]
             check_training(self._cfg)
@@ -114,7 +115,7 @@ class AcceleratorWithMemory:
         )
 
     def wait_for_everyone(self) -> None:
-        """Wait for all processes, as after a checkpoint, which others may then read as far as the umask lets them."""
+        """Wait for all processes, as after a checkpoint; then let others read it as the umask allows, and remove older ones."""
         self._accelerator().wait_for_everyone()
         if self._accelerator().is_main_process and self._cfg.output_dir is not None:
             share_files(Path(self._cfg.output_dir), "*.safetensors")  # written for their owner alone
