@@ -36,7 +36,7 @@ RANDOM_KEYPOSES = 25
 DEMONSTRATIONS = 100
 """Training demonstrations of each variation that `nearest` remembers."""
 METRES_PER_RAD = 0.1
-"""A thing that is turned by one rad is as far away as one that is shifted by this."""
+"""In the distance of two layouts, a rotation by one rad counts as much as a shift by this."""
 
 
 def make_player(
@@ -46,7 +46,7 @@ def make_player(
     mean_keyposes: Sequence[ArrayLike] = (),
     plan: int = 0,
 ) -> Player:
-    """The player of a name.
+    """Make the player called `name`.
 
     Args:
         name: name of the player.
@@ -96,7 +96,7 @@ def open_loop(env: BimanualEnv, keyposes: Sequence[ArrayLike]) -> Iterator[Move]
 def nearest(env: BimanualEnv) -> Iterator[Move]:
     """The keyposes of the training demonstration whose scene is most like this one, unchanged.
 
-    It is told where everything is, and how large, and does nothing but remember. What it solves can be learned by heart.
+    It knows the poses and sizes of all props and only looks up demonstrations. What it solves can be solved by memory alone.
     """
     here, bank = Layout.of(env), demonstrations(env.task, env.variation, env.options.setting)
     _, keyposes = min(bank, key=lambda known: here.distance_m(known[0]))

@@ -1,13 +1,13 @@
-"""Measurements of an expert's episode: loads of the arms beside the limits of real ones, keyframes, and a replay.
+"""Measurements of an expert's episode: the arms' loads against the limits of real arms, keyframes, and a replay.
 
 Measured at every step of physics (2 ms), of both arms:
 
 * the torque of each motor, gravity compensation included, over its limit, and how often one is at its limit;
-* the net force between an arm and all else that it touches, filtered as an arm that feels outside forces through its
-  joints would: by a first-order low pass of 10 Hz, the bandwidth that Franka states for its force control. What the
-  two fingers of a hand squeeze cancels out;
-* the speed of the fingers, on average over 10 ms, so that no single knock counts;
-* how deep two bodies lie in each other.
+* the net force between an arm and everything else that it touches, as an arm that senses external forces through its
+  joints would measure it: after a first-order low-pass filter of 10 Hz, the bandwidth that Franka states for its force
+  control. The squeezing forces of a hand's two fingers cancel out;
+* the speed of the fingers, averaged over 10 ms, so that single impacts do not count;
+* the depth to which two bodies penetrate each other.
 
 Measured of the joint actions, one per tick of 50 ms: velocity, acceleration and jerk of each joint over its limit, by
 differences. These are the values that the quadratic spline of the scene's commands reaches: its accelerations are
@@ -39,7 +39,7 @@ type ReplayMode = Literal["none", "joint", "keypose"]
 """By joint actions, one per tick, or by keyposes, a whole motion each."""
 
 SATURATED = 0.999
-"""Share of its limit from which on a motor gives all it has."""
+"""Share of its torque limit from which on a motor counts as saturated."""
 FINGER_STEPS = 5
 """Over which the speed of a finger is averaged."""
 KEYFRAME_TOLERANCE_FRAMES = 2
@@ -63,7 +63,7 @@ hand.
 
 
 def bounds_of(task: str) -> dict[str, float]:
-    """`BOUNDS`, with those of a task's own."""
+    """`BOUNDS`, overridden by those of a task."""
     own = dict(get_task(task).spec.load_bounds)
     for name in own.keys() - BOUNDS.keys():
         raise InvalidChoice(f"a name in load_bounds of {task}", name, BOUNDS)
@@ -71,7 +71,7 @@ def bounds_of(task: str) -> dict[str, float]:
 
 
 def excesses(task: str, load: LoadMetrics) -> Iterator[tuple[str, str]]:
-    """Name of each number that is beyond its bound in a task, and how far."""
+    """Yield the name of each load above its bound in a task, and a message with both numbers."""
     for name, most in bounds_of(task).items():
         if (number := getattr(load, name)) > most:
             where = f" ({load.penetrating})" if name == "penetration_mm" else ""

@@ -28,7 +28,7 @@ from lerobot_env_bimanual.world.scene import SceneState
 
 
 class Tape:
-    """Notes an episode while it is played. Its images can be asked for until the environment's next episode.
+    """Records an episode while it is played. Its images can be rendered until the environment's next episode.
 
     Args:
         env: where it is played.

@@ -65,9 +65,9 @@ def expert(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
 
 
 def replanning(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
-    """As `expert`, started again from the present scene each time that an axis of perturbation has moved things.
+    """As `expert`, but started again from the present scene whenever a perturbation has moved props.
 
-    Where none does, it is the expert.
+    Without such a perturbation, it equals `expert`.
     """
     script = expert(codec, plan)
 

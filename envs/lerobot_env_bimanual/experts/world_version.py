@@ -51,12 +51,12 @@ SILENT_S = 2.0
 MODEL_PARTS = frozenset(
     ["body", "jnt", "dof", "geom", "site", "cam", "light", "tendon", "eq", "actuator", "pair", "exclude"]
 )
-"""Prefixes of the model's arrays that say what there is and how it moves; the rest is bookkeeping."""
+"""Prefixes of the model's arrays that define its elements and how they move; the rest is bookkeeping."""
 NOISY = ("body_iquat",)
-"""Axes of inertia, which round bodies leave to the last bit."""
+"""Axes of inertia, which in round bodies depend on the last bit."""
 NEARLY_ZERO = 1e-9
 ARM_POSITIONS = len(ARMS) * (JOINTS_PER_ARM + len(FINGERS))
-"""Of a scene's positions these come first."""
+"""Number of the arms' positions, which come first in a scene's positions."""
 OPTIONS = ("timestep", "integrator", "cone", "impratio", "gravity", "density", "iterations", "tolerance")
 
 

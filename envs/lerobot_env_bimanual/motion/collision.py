@@ -31,7 +31,7 @@ class CollisionRules:
     """What two postures must keep away from.
 
     Attributes:
-        least_distance_m: (nbody, nbody) of each pair of bodies; minus infinity where they may do as they like.
+        least_distance_m: (nbody, nbody) of each pair of bodies; minus infinity where any distance is allowed.
         carried: props that move with a hand.
     """
 
@@ -46,9 +46,9 @@ class CollisionChecker:
         scene: the world; its positions are read by `look`.
 
     Attributes:
-        contact_rules: of a motion into contact: forearm and hand may touch props, no arm itself, the table or the other.
-            Fingers of the two hands may overlap: without physics it is unknown how far they are closed.
-        standing_rules: of arms that stand still: clearance from all props, as a motion cannot begin within them.
+        contact_rules: of a motion into contact: forearms and hands may touch props, but no arm may touch itself, the table
+            or the other arm. Fingers of the two hands may overlap: without physics it is unknown how far they are closed.
+        standing_rules: of arms at rest: clearance from all props, since a motion cannot begin closer to one.
     """
 
     def __init__(self, scene: SceneView):

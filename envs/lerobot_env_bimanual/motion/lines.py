@@ -1,10 +1,10 @@
 """Straight lines of the hand as joint paths.
 
-The hand moves straight and turns by the shortest way, which leaves the arm one freedom. It is used like this: the
-best posture at the end of the line is chosen first (closed form, all of them are known); then the straight way
-in joint space from the start to that posture is projected onto the line, at all knots at once. The result is
-smooth and stays near the shortest joint path. Where the projection fails, dynamic programming searches all
-solutions at all knots; where that fails too, the line is infeasible.
+The hand moves straight and turns by the shortest way, which leaves the arm one degree of freedom. First, the best
+posture at the end of the line is chosen; all its postures are known in closed form. Then the straight path in joint
+space from the start to that posture is projected onto the line, at all knots at once. The result is smooth and stays
+near the shortest joint path. If the projection fails, dynamic programming searches all solutions at all knots; if
+that fails too, the line is infeasible.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,16 +32,16 @@ KNOT_MARGIN_WEIGHT = 0.0005
 MAX_ENDS = 3
 """End postures, found with all values of the last joint, that are tried before the complete search."""
 NEAR_M = 0.15
-"""Travel of a hand from which on all these values are searched at once, instead of first those near the present one; for
-turns, the threshold is half the span of the near search."""
+"""Travel of a hand from which on all values of the last joint are searched at once, instead of first those near its
+present one; for turns, the threshold is half the span of the near search."""
 DISTINCT_RAD = 0.2
-"""Two of them differ in some joint by at least this much."""
+"""Two end postures that are tried differ in some joint by more than this."""
 
 MAX_NEWTON_STEPS = 12
 LAST_STEP_ERROR = 5e-4
 LAST_STEP_RAD = 5e-3
-"""Error of a knot, m and rad, and joint step against it, with which Newton's method ends. What the step leaves is
-about its own square: 1e-9 in the median and 2e-5 at most. The ends of a line are exact."""
+"""Newton's method ends with the step at which a knot's error, m and rad, and the joint step are below these. The error that
+remains is about the step squared: 1e-9 in the median and 2e-5 at most. The ends of a line are exact."""
 NEWTON_DAMPING = 1e-6
 MAX_NEWTON_STEP_RAD = 0.6
 

@@ -84,9 +84,9 @@ class KeyposePlanner:
     def plan(self, keypose: BimanualKeypose, rng: np.random.Generator) -> Plan:
         """Joint actions that bring both arms to a keypose, together, and then set the grippers.
 
-        An arm that is to ignore collisions goes straight (or, where its line is infeasible, through joint space
-        to the nearest posture); the other kind goes through free space and around obstacles, the other arm's
-        motion included. An arm whose target is where it was last sent does not move.
+        An arm whose keypose ignores collisions moves along a straight line (or, if that is infeasible, through joint
+        space to the nearest posture). Otherwise the arm moves through free space and around obstacles, including the
+        other arm's motion. An arm does not move if its target is where it was last sent.
 
         Args:
             keypose: targets of both arms.

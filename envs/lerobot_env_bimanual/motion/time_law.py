@@ -1,9 +1,9 @@
 """Time laws of paths: both arms in step, smooth, as fast as a pace allows joints and hands; slower beside heavy props.
 
-Along the path the fastest speed is found that keeps the limits of velocity and acceleration: one pass forward for
-speeding up, one backward for braking (Bobrow et al., "Time-Optimal Control of Robotic Manipulators Along Specified
-Paths", IJRR 1985). A moving average over time takes the steps out of its acceleration. Control ticks are sampled from
-the result, and where they break a limit after all, the motion takes a tick more.
+First, the fastest speed along the path that keeps the limits of velocity and acceleration is computed: one pass forward
+for speeding up, one backward for braking (Bobrow et al., "Time-Optimal Control of Robotic Manipulators Along Specified
+Paths", IJRR 1985). A moving average over time then smooths the steps of the acceleration. Control ticks are sampled
+from the result; if they still exceed a limit, the motion takes more ticks.
 """
 
 from collections.abc import Sequence
@@ -62,7 +62,7 @@ class Pace:
 
     @property
     def acceleration_step_rad_s2(self) -> Array:
-        """(7,) from one control tick to the next: within one step of physics, as it is constant within a tick."""
+        """(7,) largest step between two ticks, within one step of physics: acceleration is constant within a tick."""
         return self.acceleration_share * PANDA_PAIR.jerk_limit_rad_s3 * PHYSICS_STEP_S
 
 

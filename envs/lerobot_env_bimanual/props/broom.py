@@ -16,7 +16,7 @@ HEAD_HALF_M = (0.125, 0.019, 0.014)
 HEAD_Z_M = 0.040
 BRISTLE_HALF_DEPTH_M = 0.021
 BRISTLE_REACH_M = 0.010
-"""How far below the table the bristles are felt: they sweep, whatever the height and tilt of the hand."""
+"""How far the collision shape of the bristles reaches below them: they sweep at any height and tilt of the hand."""
 WING_HALF_M = (0.003, 0.014)
 """Outermost bristles, swept forward, which keep dirt from escaping sideways; half sizes along x and y."""
 FOOT_RADIUS_M = 0.006
@@ -44,8 +44,8 @@ TIP_HALF_LENGTH_M = 0.006
 class Broom:
     """A free broom, its frame under the stick where the bristles end; it sweeps towards -y.
 
-    Bristles touch dirt and nothing else, as bristles bend: with a solid block the broom catches on the pan's lip
-    and tilts. Two frictionless, yielding feet, which touch the table alone, carry it in their place.
+    Bristles collide with dirt only, since real bristles bend: as a solid block they would catch on the pan's lip and
+    tilt the broom. Two frictionless, yielding feet, which collide with the table only, carry the broom instead.
 
     Attributes:
         name: body.
@@ -56,7 +56,7 @@ class Broom:
     height_m: float = 0.35
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Write stick and head, the bristles and feet as they are felt, and the tufts as they are seen."""
+        """Write stick and head, the collision shapes of bristles and feet, and the visible tufts."""
         body = prop.add_free_body(spec, self.name)
         self._add_stick(body)
         prop.add_box(body, (0, 0, HEAD_Z_M), HEAD_HALF_M, mass=HEAD_MASS_KG, rgba=PAINT)
@@ -65,7 +65,7 @@ class Broom:
         self._add_tufts(body)
 
     def _add_stick(self, body) -> None:
-        """Felt as a square bar, whose sides a gripper holds firmly; seen as a round one."""
+        """Add a square bar for collisions, whose sides a gripper holds firmly, and a round one for images."""
         half, bottom = STICK_HALF_WIDTH_M, HEAD_Z_M
         middle, half_length = (self.height_m + bottom) / 2, (self.height_m - bottom) / 2
         prop.add_box(body, (0, 0, middle), (half, half, half_length), mass=STICK_MASS_KG, **prop.UNSEEN)

@@ -32,7 +32,7 @@ SIDE_M = 0.375
 LEG_HEIGHT_M = 0.092
 WALL_HALF_M = 0.00375
 LEG_RADIUS_M = (0.019, 0.011)
-"""Heights of its top and of the table."""
+"""At the top of a leg and at its foot."""
 LEG_INSET_M = 0.024
 
 # Half sizes of a drawer's parts; x is its width, +y its way out.
@@ -97,7 +97,7 @@ class DrawerCabinet:
         self._add_legs(spec, body)
         for level in LEVELS:
             self._add_drawer(body, level)
-            # They fit with a play of a few millimetres and never meet: nothing to look for.
+            # With a play of a few millimetres, they never meet: their collisions need not be checked.
             spec.add_exclude(bodyname1=self.name, bodyname2=self.drawer(level))
 
     def _add_case(self, body) -> None:

@@ -97,7 +97,7 @@ class Dustpan:
             prop.add_sphere(body, (x, y, GLIDER_RADIUS_M), GLIDER_RADIUS_M, mass=GLIDER_MASS_KG, **gliding)
 
     def _add_handle(self, body) -> None:
-        """A capsule: of contacts between a cylinder and a finger some are lost now and then, and the pan jerks."""
+        """Add a capsule: with a cylinder, some contacts with fingers would get lost now and then, and the pan would jerk."""
         y, top = self.handle_y_m, self.height_m
         prop.add_capsule(
             body, (0, y, HANDLE_BOTTOM_M, 0, y, top), HANDLE_RADIUS_M, mass=HANDLE_MASS_KG, rgba=WOOD

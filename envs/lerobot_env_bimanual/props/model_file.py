@@ -15,7 +15,7 @@ class ModelFile:
     Attributes:
         name: of the body in the scene.
         path: of the file; it says in which folder meshes are.
-        is_free: whether a body without joints moves freely; one that stands where it is placed, such as furniture, does not.
+        is_free: whether a body without joints moves freely; false for one that stays where it is placed, such as furniture.
     """
 
     name: str
@@ -23,7 +23,7 @@ class ModelFile:
     is_free: bool = True
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Attach the body, at the origin; what it shows is drawn in pictures of all sizes."""
+        """Attach the body at the origin; its visible geoms are drawn in images of all sizes."""
         try:
             body = mujoco.MjSpec.from_file(self.path).worldbody.first_body()
         except ValueError as error:

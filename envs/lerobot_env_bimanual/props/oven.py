@@ -45,9 +45,9 @@ HANDLE_STAND_OFF_M = 0.05
 """Between bar and door: room for two fingers."""
 POST_RADIUS_M = 0.008
 BAR_GIVES_M = 0.012
-"""The bar sits on rubber and gives along the door: beside its arc a hand would pull with 100 N."""
+"""How far the bar gives along the door, on rubber: with a rigid bar, a hand beside its arc would pull with 100 N."""
 SHORT_BAR_M = 0.06
-"""Up to which length a bar has one post, in the middle, instead of two at its ends."""
+"""Greatest length of a bar with one post, in the middle, instead of two at its ends."""
 
 RACK_BEHIND_FRONT_M = 0.07
 RACK_HALF_M = (0.145, 0.235, 0.005)

@@ -32,7 +32,7 @@ GLAZE_PROUD_M = 0.0005
 class Plate:
     """A free plate, its frame in the middle of the foot's underside.
 
-    It is seen as a turned mesh and felt as two discs and a rim of boxes, because collision shapes are convex.
+    It is drawn as a turned mesh; it collides as two discs and a rim of boxes, because collision shapes are convex.
 
     Attributes:
         name: body.

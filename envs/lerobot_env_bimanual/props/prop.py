@@ -1,4 +1,4 @@
-"""Protocol of props, and builders of what they consist of.
+"""The protocol of props, and functions that add their bodies, joints, geoms and cameras.
 
 Everything collides in the common layer of MuJoCo's bit masks `contype` and `conaffinity`. A prop may add geoms that touch
 the table alone by giving them contype `TABLE_ONLY` and conaffinity 0, or dirt alone by `DIRT_ONLY`: dirt has that bit in
@@ -28,11 +28,11 @@ UNSEEN = MappingProxyType({"group": 3})
 """Settings of a geom that touches but is not drawn."""
 
 COARSE, FINE = 1, 4
-"""Groups of the geoms of coarse looks, which MuJoCo draws unless told otherwise, and of fine ones for large pictures."""
+"""Groups of coarse visual geoms, which MuJoCo draws by default, and of fine ones for large pictures."""
 
 ON_RUBBER = MappingProxyType({"stiffness": 1000.0, "damping": 20.0, "armature": 0.5})
-"""Settings of the slide of a handle that gives, in N/m, N s/m and kg: on a firm one a hand beside its arc would strain its wrist.
-The added inertia keeps fingers from sinking into it."""
+"""Settings of the slide of a compliant handle, in N/m, N s/m and kg: with a rigid one, a hand beside the handle's arc would
+strain its wrist. The added inertia keeps fingers from sinking into the handle."""
 
 type Vector = Sequence[float] | NDArray[np.float64]
 
@@ -115,7 +115,7 @@ def add_camera(
         position: (3,) m.
         target: (3,) the point in the middle of the image, m.
         fovy_deg: vertical field of view.
-        up: (3,) direction that points up in the image, as far as it is across the view.
+        up: (3,) direction whose component perpendicular to the optical axis points up in the image.
     """
     quat = matrix_to_quat_wxyz(camera_axes(np.subtract(position, target), up))
     body.add_camera(name=name, pos=position, quat=quat, fovy=fovy_deg)

@@ -17,8 +17,8 @@ STRANDS = ((0.93, 0.62, 0.36, 1.0), (0.87, 0.52, 0.27, 1.0))
 BEND_RAD = 1.1587
 """Largest heading of the S away from the line between the ends, which are 0.268 m apart then (PerAct2 code)."""
 STIFFNESS_NM = 0.8
-"""Per radian, towards the S. It takes 5 N to hold the ends 0.345 m apart; let go of, they are back at 0.267 m after 0.2 s.
-Dragged by one end over the table, the rope lets the other one fall behind by 0.293 m."""
+"""Per radian, towards the S. It takes 5 N to hold the ends 0.345 m apart; once released, they are back at 0.267 m after 0.2 s.
+If one end is dragged over the table, the other end lags 0.293 m behind."""
 DAMPING_NM_S = 1e-2
 JOINT_ARMATURE = 1e-4
 ROOT_ARMATURE = 1e-3

@@ -78,10 +78,10 @@ class ArmKinematics:
     def poses_and_jacobians(self, joints: Array) -> tuple[Array, Array]:
         """Poses (n, 4, 4) of the tool centre point for joints (n, 7) in rad, and Jacobians (n, 6, 7), in the arm's base frame.
 
-        A Jacobian has the linear over the angular velocity per joint velocity.
+        Rows of a Jacobian: linear, then angular velocity per joint velocity.
         """
         sine, cosine = (function(joints.T)[..., None, None] for function in (np.sin, np.cos))
-        # (7, n, 4, 4), each in the last joint's
+        # (7, n, 4, 4), each in the frame of the joint before
         frames = _CONSTANT + sine * _TIMES_SINE + cosine * _TIMES_COSINE
         for before, frame in itertools.pairwise(frames):
             np.matmul(before, frame, out=frame)
@@ -125,11 +125,11 @@ class ArmKinematics:
         return (1.0 / np.maximum(self.margins(joints), 1e-3)).sum(axis=-1)
 
     def posture_cost(self, joints: Array, start: Array, margin_weight: float) -> Array:
-        """How unwelcome postures (n, 7) are: squared joint travel from `start` (7,), plus closeness to limits."""
+        """Cost of postures (n, 7): squared joint travel from `start` (7,), plus weighted closeness to limits."""
         return ((joints - start) ** 2).sum(axis=-1) + margin_weight * self.limit_closeness(joints)
 
     def distinct(self, ranked: Array, target: Array, difference_rad: float) -> Iterator[Array]:
-        """Those of ranked solutions (n, 7) of a pose (4, 4) that are exact and clearly differ from all before."""
+        """Yield those of ranked solutions (n, 7) of a pose (4, 4) that are exact and clearly differ from all yielded before."""
         eligible = np.ones(len(ranked), dtype=bool)
         while eligible.any():
             best = eligible.argmax()

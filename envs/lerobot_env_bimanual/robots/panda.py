@@ -58,12 +58,12 @@ _DATA = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="ut
 LINKS = _DATA["links"]
 SHAPES = {"capsule": mujoco.mjtGeom.mjGEOM_CAPSULE, "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER}
 
-# The base with its first link, and the hand with its flange, touch by design. Everything else that can meet does so: a
-# hand that is folded back (joint 6 below 0.4 rad) can run into its own forearm, link 5.
+# The base with its first link, and the hand with its flange, touch by design. All other pairs that can meet
+# collide: a hand that is folded back (joint 6 below 0.4 rad) can run into its own forearm, link 5.
 TOUCHING_BY_DESIGN = (("base", "link1"), ("link7", "hand"))
 BODIES = ("base", *(f"link{number}" for number in range(1, 8)), "hand")
-# Second neighbours stay apart whatever the joints: 3 mm the flange from the forearm, 38 mm and more the others.
-# Leaving them out changes nothing but the time that collisions take.
+# Second neighbours never meet at any joint angles: flange and forearm stay 3 mm apart, the others 38 mm or
+# more. Excluding them only makes collision checks faster.
 NEVER_MEETING = tuple(zip(BODIES, BODIES[2:], strict=False))
 
 WRIST_CAMERA_M = ((0.085, 0.0, 0.04), (0.0, 0.0, 0.18))

@@ -70,7 +70,7 @@ def _shell(
     end_radius: float | None = None,
     **fields: Any,
 ) -> Shell:
-    """A shell as `panda_looks.toml` has it; one on a straight axis, which is one of the body's, is round."""
+    """A shell from an entry of `panda_looks.toml`; with `axis`, a round one along an axis of the body."""
     if axis:
         start, end = axis
         end_radius = radius if end_radius is None else end_radius
@@ -87,7 +87,7 @@ LOOKS: Mapping[str, Shells] = {body: tuple(_shell(**row) for row in rows) for bo
 
 
 def add_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str) -> None:
-    """Dress a body as the one of `LOOKS` called `name`, once finely and once coarsely; bodies that look alike share meshes."""
+    """Add the shells `LOOKS[name]` to a body as visual meshes, fine and coarse; bodies with the same `name` share them."""
     shells = LOOKS[name]
     for number, rgba in enumerate(dict.fromkeys(shell.rgba for shell in shells)):
         for group in (COARSE, FINE):

@@ -46,7 +46,7 @@ def draw_place(
     half_yaw_rad: float,
     is_free: Callable[[Pose], bool] = lambda pose: True,
 ) -> Pose | None:
-    """A uniform upright pose where the left arm reaches an item and the right arm does not touch it.
+    """Draw an upright pose, uniformly, where the left arm reaches an item and the right arm does not touch it.
 
     Args:
         scene: where the arms stand.
@@ -56,7 +56,7 @@ def draw_place(
         is_free: whether the place is not taken by another item.
 
     Returns:
-        The first of `SPOTS` poses that will do; None if none does.
+        The first of `SPOTS` poses that fulfils this and is free; None if none does.
     """
     area = PlacementArea(AREA_CENTER_M, AREA_HALF_SIZE_M, half_yaw_rad)
     bases_m = np.array([scene.arm_pair.base_pose(arm).position[:2] for arm in ARMS])

@@ -1,7 +1,7 @@
 """Push the two named buttons.
 
 The paper counts it among the tasks that one arm cannot do, since both buttons have to be down at the same time. Buttons
-are at least 38 cm apart; one hand, laid down flat from fingertips to wrist, presses both of them up to 36 cm.
+are at least 38 cm apart; one hand, laid flat from fingertips to wrist, can press two buttons up to 36 cm apart.
 
 Without the instruction, the two buttons cannot be known: the same three colours occur with different answers in any
 layout (guessing is right in 40 %).
@@ -14,7 +14,8 @@ the right half, which gives the answer away; here the right hand presses the one
 first. Pressing the third button, too, does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a
 base.
 
-In the setting `varied` each button stands on a box of its own height, up to 8 cm: six numbers decide. Caps are 24 mm wide.
+In the setting `varied` each button is on a box of its own height, up to 8 cm: six numbers determine the keyposes. Caps are
+24 mm wide.
 """
 
 from collections.abc import Iterator
@@ -60,10 +61,10 @@ AREA = PlacementArea((0.25, 0.0125), half_size_m=(0.258, 0.4159), half_yaw_rad=n
 MIN_DISTANCE_M = 0.38
 MAX_DRAWS = 1000
 REACH_M = {Arm.LEFT: (0.31, 0.83), Arm.RIGHT: (0.30, 0.76)}
-"""Least and largest distance from an arm's base of buttons that it can be asked to press."""
+"""Least and largest distance from an arm's base to a button that it may have to press."""
 
 HOVER_M, PRESS_M = 0.115, 0.035
-"""Above a button's foot; on the table centres of voxels. At the second the fingertips stand 4 mm above the base."""
+"""Heights above a button's foot; on the table, centres of voxels. At `PRESS_M` the fingertips are 4 mm above the base."""
 
 VARIED_CAP_RADIUS_M = 0.012  # instead of 0.028
 STANDS = tuple(Pedestal(f"{button}_stand", (0.10, 0.10), depth_m=0.08) for button in BUTTONS)

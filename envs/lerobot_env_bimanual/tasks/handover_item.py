@@ -49,7 +49,7 @@ SUCCESS_HEIGHT_M = 0.80
 VARIED_SIDE_M = 0.052
 STANDS = tuple(Pedestal(f"stand{index}", (0.05, 0.05), depth_m=0.08) for index in range(len(COLORS)))
 VARIED_HEIGHT_M = 0.08
-"""Of all pedestals, which are equally high: palm and fingers stay above what stands beside an item."""
+"""Greatest height of the pedestals, all equally high, so that palm and fingers stay above everything beside an item."""
 
 MIN_DISTANCE_SIDES = 1.5
 """Between the centres of two items, over their width; they never touch."""

@@ -11,9 +11,9 @@ the receiver could pick it up itself in most places. It is 6 cm wide instead of 
 or higher, with no part of the left arm touching it; the original asks for the item near the right fingers and not near
 the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
 
-In the setting `varied` five numbers decide: the item's place and heading, the height of the pedestal on which it stands, up to 15 cm,
-and its own, 7 to 10 cm. It is 5.5 to 6.5 cm wide and nearly fills the open hand,
-whose fingers come down in slots between walls.
+In the setting `varied` five numbers determine the keyposes: the item's place and heading, the height of the pedestal under it,
+up to 15 cm, and its own, 7 to 10 cm. It is 5.5 to 6.5 cm wide and nearly fills the open hand, whose fingers come down in slots
+between walls.
 """
 
 from collections.abc import Iterator
@@ -37,14 +37,14 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 ITEM = Block("item", size_m=(0.06, 0.06, 0.08), mass_kg=0.128)
 HALF_YAW_RAD = np.deg2rad(44.0)
 MIN_RIGHT_REACH_M = 0.995
-"""Of the item's middle from the right base: a corner may be 4.2 cm nearer, the right fingers get no further than 0.95 m."""
+"""Least distance of the item's middle from the right base: a corner may be 4.2 cm nearer; the fingers reach 0.95 m at most."""
 SUCCESS_HEIGHT_M = 0.80
 
 VARIED_SIZES_M = ((0.065, 0.08), (0.060, 0.10), (0.065, 0.07), (0.055, 0.09))
 """Width and height."""
 VARIED_HEIGHT_M = 0.15
 SLOT_HALF_M, WALL_X_M, WALL_SIZE_M, WALL_ABOVE_MIDDLE_M = 0.018, 0.052, (0.024, 0.05), 0.045
-"""Each finger comes down in a slot between two walls, which reach so far above the item's middle."""
+"""Each finger comes down in a slot between two walls, which end `WALL_ABOVE_MIDDLE_M` above the item's middle."""
 
 LEFT_BEHIND_M = 0.025
 RIGHT_BEHIND_M = 0.020

@@ -9,8 +9,8 @@ with open fingers. Friction is 0.08 instead of 0.5, so that only a pinch within 
 which therefore weighs 0.25 kg instead of 1.0 kg. Placements spread over 40 x 40 cm. There is no yaw, since nothing on a
 sphere shows it.
 
-In the setting `varied` five numbers decide: the ball, 20 to 29 cm wide, lies on a pedestal of any height up to 4 cm, and the
-fingers reach it only between two posts on either side, which forgive a centimetre and turn with the pedestal.
+In the setting `varied` five numbers determine the keyposes: the ball, 20 to 29 cm wide, lies on a pedestal of any height up to
+4 cm, and the fingers reach it only between two posts on either side, which leave 1 cm to spare and turn with the pedestal.
 """
 
 from collections.abc import Iterator
@@ -37,7 +37,7 @@ SUCCESS_HEIGHT_M = 0.95
 VARIED_RADII_M = (0.100, 0.115, 0.130, 0.145)
 VARIED_HEIGHT_M = 0.04
 VARIED_YAW_RAD = np.deg2rad((-10.0, 30.0))
-"""What both arms can serve; a ball is lifted as well along any axis."""
+"""Range within the reach of both arms; a ball can be lifted along any axis."""
 GATE_HALF_M = 0.026
 """Half the distance of the posts' middles: the fingers, 2 cm wide, pass with 1 cm to spare on either side."""
 GATE_GAP_M = 0.02
@@ -53,10 +53,11 @@ def _stand(radius_m: float) -> Pedestal:
 APPROACH_GAP_M, VARIED_GAP_M = 0.030, 0.06
 """Distance from the ball to the tool centre points: in `standard` so close that a ball lying elsewhere is already in the way."""
 SQUEEZE_SHARE = 1 / 18
-"""Of the radius. The wrists then carry 8 of their 12 N m at most; deeper commands let the ball drift towards the weaker arm."""
+"""Depth of the squeeze, as a share of the radius. The wrists then carry 8 of their 12 N m at most; deeper commands let the ball
+drift towards the weaker arm."""
 LIFT_TO_M = 1.10
 TURNED_RAD = np.deg2rad(25.0)
-"""Of the axis along which the hands press, by the other plan."""
+"""Turn of the axis along which the hands press, in the second plan."""
 
 
 @register

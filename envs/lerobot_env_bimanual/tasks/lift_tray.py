@@ -2,7 +2,7 @@
 
 The paper counts it among the tasks that one arm cannot do. Two hands grip the tray, which carries a loose cube, by
 handles 37 cm apart, and rise together. One hand could pinch a long side and carry tray and cube level; it cannot make the
-other hand grip the tray, which its motor has to do.
+other hand grip the tray: the motor of that hand must do so.
 
 Departures from the original: both hands must grip the tray while tray and cube are at 1.20 m or
 higher; the original asks for the tray to be near both hands. The tray, a plain board there, has handles and
@@ -10,8 +10,8 @@ placements spread over 28 x 36 cm: on a board with a lip along its whole ends, a
 would succeed too often. The stand is 6 mm higher, which keeps the lower corner of a
 horizontal hand off the table.
 
-In the setting `varied` five numbers decide: the tray's place and heading, its height, up to 10 cm more, and its length, 30 to
-38 cm. Its handles are 2 cm wide and 6 cm high, so that they nearly fill the open hand.
+In the setting `varied` five numbers determine the keyposes: the tray's place and heading, its height, up to 10 cm more, and its
+length, 30 to 38 cm. Its handles are 2 cm wide and 6 cm high, so that they nearly fill the open hand.
 """
 
 from collections.abc import Iterator
@@ -48,7 +48,7 @@ BESIDE_M, GRASP_M = 0.073, 0.030
 LIFT_TO_M = 1.265
 """Centre of a voxel, too."""
 ASIDE_M, CLEAR_M = 0.07, 0.08
-"""By the other plan the tray is first carried this far to one side and to the other, this far above its stand."""
+"""In the second plan the tray is first carried `ASIDE_M` to one side and to the other, `CLEAR_M` above its stand."""
 
 
 @register

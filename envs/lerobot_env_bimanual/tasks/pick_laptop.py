@@ -1,18 +1,18 @@
 """Pick up the laptop.
 
-A laptop that lies flat on a block offers no gripper a hold until it overhangs. The paper grants this task to one arm,
-and either one can push and grasp in turn (docs/environment.md); here one hand pushes an edge between the waiting fingers of
-the other.
+A laptop that lies flat on a block offers no gripper a hold until it overhangs. According to the paper, one arm can do
+this task, and either one can push and grasp in turn (docs/environment.md); here one hand pushes an edge between the waiting
+fingers of the other.
 
 Departures from the original: the laptop must be between the fingers of one hand while it is at 1.00 m or higher; the
 original, whose text asks for a secure grasp, checks the height of the lid alone. The original pushes it over its near
-edge; here the left hand pushes it over whichever edge leaves both arms most at ease. The laptop slides on block and rubber
-at friction 0.35 instead of 0.5, so that a hand that comes down on the lid does not drag it along, and weighs 0.78 kg instead of
-1.43 kg: one gripper alone holds it. It lies anywhere on the block, where the original's is 4.5 mm inside the near edge.
-Placements spread over 31 x 40 cm instead of the whole workspace.
+edge; here the left hand pushes it over the edge that keeps both arms furthest from their joint limits. The laptop slides on
+block and rubber at friction 0.35 instead of 0.5, so that a hand that comes down on the lid does not drag it along, and weighs
+0.78 kg instead of 1.43 kg: one gripper alone holds it. It lies anywhere on the block, where the original's is 4.5 mm inside the
+near edge. Placements spread over 31 x 40 cm instead of the whole workspace.
 
-In the setting `varied` eight numbers decide: the block's place, heading and height, 8 to 16 cm, the laptop's length and width, and
-where it lies on the block. It is 5 cm thick, so that it nearly fills the open hand.
+In the setting `varied` eight numbers determine the keyposes: the block's place, heading and height, 8 to 16 cm, the laptop's
+length and width, and where it lies on the block. It is 5 cm thick, so that it nearly fills the open hand.
 """
 
 from collections.abc import Iterator
@@ -105,7 +105,7 @@ class PickLaptop(Task):
 
 
 def _ease(scene: SceneView, way: Way) -> float:
-    """How far the tightest joint stays from its limits, as a share of its range; negative out of reach."""
+    """Least distance of any joint from its limits, as a share of its range; negative if a pose is out of reach."""
     return min(
         arm.margins(arm.ik(pose.matrix)).min(axis=1).max(initial=-1.0)
         for arm, poses in zip(scene.arm_pair.kinematics.values(), way, strict=True)

@@ -13,8 +13,9 @@ instead of 1.8 cm, so that only a press within a centimetre of the right place t
 hand approaches at 58 degrees below the horizontal, nearly in the plane of the raised rim, and the left one leans back by 30
 degrees, since the plate strikes an upright one when it swings.
 
-In the setting `varied` five numbers decide: the plate, 15 to 17 cm wide and with a rim of 2.2 cm, lies on a pedestal of any height
-up to 8 cm, and the fingers reach its rim only between two walls, which forgive a centimetre and turn with the pedestal by 30 degrees.
+In the setting `varied` five numbers determine the keyposes: the plate, 15 to 17 cm wide and with a rim of 2.2 cm, lies on a
+pedestal of any height up to 8 cm, and the fingers reach its rim only between two walls, which leave 1 cm to spare and turn with
+the pedestal by 30 degrees.
 """
 
 import math
@@ -48,13 +49,14 @@ VARIED_RADII_M = (0.074, 0.078, 0.082, 0.086)
 VARIED_HEIGHT_M = 0.08
 VARIED_YAW_RAD = np.deg2rad(15.0)
 SLOT_HALF_M, WALL_M = 0.018, (0.010, 0.05, 0.066)
-"""Walls stand this far aside of where the rim is pinched, as thick, wide and high as this, 6 mm from the rim's edge."""
+"""Distance of the walls, to either side, from where the rim is pinched, and their thickness, width and height. They are
+6 mm from the rim's edge."""
 
 # Positions are in the plate's axes while it lies flat.
 ASIDE_RAD = np.deg2rad(-25.0)
 """Angle from the direction of the right arm to the plate's x axis; the arm cannot lift a pitched hand straight before itself."""
 OTHER_RAD = np.deg2rad(112.0)
-"""From there on to the x axis by the other plan, in which the arms change places."""
+"""Angle from that x axis to the one of the second plan, in which the arms change places."""
 
 # The left hand: closed, leaning back, on the far side of the rim.
 LEAN_RAD = np.deg2rad(30.0)
@@ -105,7 +107,7 @@ class PickPlate(Task):
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
-        """Plate flat on the table; nothing shows its yaw, so its x axis may tell which way the task is done."""
+        """Plate flat on the table; nothing shows its yaw, so its x axis can define the direction in which the task is done."""
         plate = (VARIED_AREA if scene.is_varied else AREA).sample(rng, TABLE_HEIGHT_M)
         x, y, _ = scene.arm_pair.base_pose(Arm.RIGHT).position - plate.position
         plate = Pose.upright(plate.position, math.atan2(y, x) + ASIDE_RAD)
@@ -149,9 +151,9 @@ def _stages(scene: SceneView, pose_now: Callable[[], Pose]) -> Iterator[Stage]:
 
 
 def _pressed(plate: Plate, pose: Pose) -> Pose:
-    """The plate as it lies; or, while it is still flat, as it will lie when pressed: tipped over the foot's edge.
+    """The plate's pose; while the plate is still flat, its pose once it is pressed: tipped over the foot's edge.
 
-    A rehearsal, which knows no physics, finds it flat.
+    In a rehearsal, which has no physics, the plate stays flat.
     """
     if pose.rotation[2, 2] < np.cos(plate.tip_rad / 2):
         return pose

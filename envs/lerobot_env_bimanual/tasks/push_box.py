@@ -1,8 +1,8 @@
 """Push the box to the red area.
 
 The paper counts it among the tasks that one arm cannot do. The box of 50 kg slides on the table at friction 0.38, and
-a single arm stalls at its torque limits unless it pushes at one end and then at the other, so that the box turns to and fro:
-the box may never be turned by more than 12 degrees. The expert's turns by 4.
+a single arm stalls at its torque limits unless it pushes at one end and then at the other, so that the box turns to and fro.
+Therefore the box may never be turned by more than 12 degrees; with the expert it turns by 4.
 
 The task needs more force than users of a real Panda set as a contact limit: 186 N to slide the box, 93 N from each hand,
 and up to 175 N from one of them while the box gains speed. The motors can deliver it: the hands push with the outer sides
@@ -14,8 +14,8 @@ the target's centre; the original is satisfied as soon as any part of the box to
 ignores the scene achieves too often. For the same reason boxes are turned by up to 20 degrees instead of 10; they lie in
 20 x 25 cm. The hands are closed instead of open. An episode ends after 12.5 s.
 
-In the setting `varied` six numbers decide: the box's place and heading, its depth and width, and how far away the red area
-is, 38 to 50 cm. The box's centre must come to rest within 2 cm of the target's.
+In the setting `varied` six numbers determine the keyposes: the box's place and heading, its depth and width, and how far away
+the red area is, 38 to 50 cm. The box's centre must come to rest within 2 cm of the target's.
 """
 
 from collections.abc import Iterator
@@ -46,13 +46,13 @@ VARIED_TOLERANCE_M = 0.02
 VARIED_SIZES_M = ((0.384, 0.192), (0.34, 0.24), (0.30, 0.16), (0.36, 0.14), (0.32, 0.21))
 VARIED_OFFSET_M = ((0.0, 0.38), (0.0, 0.50))
 MAX_TURN_DEG = 12.0
-"""By which the box may ever be turned from its target's heading, which is its own at the start."""
+"""Largest allowed angle between the headings of box and target at any time; they are equal at the start."""
 
 # Hands in the box's axes: left of and right of its middle, closed, fingers down, an outer side of the palm to the front.
 FROM_END_M = 0.052
 """From an end of the box to the middle of the palm that pushes beside it."""
 LEAN_RAD = np.deg2rad(16.0)
-"""The wrists lean towards each other. The axes of their sixth joints then lie nearer to the push, whose lever they bear."""
+"""Lean of the wrists towards each other: it shortens the lever between the pushing force and the axes of their sixth joints."""
 TILT_RAD = np.deg2rad(-3.0)
 """Lean forwards, so that the palm's upper edge touches first, where that lever is shortest."""
 PALM_M = 0.1034
@@ -60,16 +60,16 @@ PALM_M = 0.1034
 PALM_HALF_WIDTH_M = 0.1025
 ABOVE_M = 0.017
 TOUCH_M = 0.010
-"""Distance of the palm's side: a centimetre from the box, so that it does not strike it, nor land on it when rounded."""
+"""Distance of the palm's side from the box: a rounded keypose then neither strikes the box nor lands on it."""
 PRESS_M = 0.010
 """Depth to which both hands press before they push: otherwise one hand would start the box alone, with 1 cm of run-up."""
 ABOVE_Z_M = 0.985
 PUSH_Z_M = 0.775
 """Centre of a voxel; fingertips a centimetre and a half above the table, the palm's side just below the box's top."""
 LAG_M = 0.012
-"""By so much the hands lag behind while they push."""
+"""How far the hands lag behind their targets while they push."""
 MIN_WORLD_Y_M = -0.494
-"""A hand outside the voxel grid would be rounded onto the box."""
+"""Least y of a hand: outside the voxel grid, it would be rounded onto the box."""
 
 
 @register

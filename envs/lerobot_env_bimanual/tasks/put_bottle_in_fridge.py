@@ -7,13 +7,14 @@ inside while the right hand touches the door and the left arm does not.
 
 Departures from the original: the bottle's foot must be in the upper compartment, below its shelf, with no arm
 touching the bottle; the original asks for any part of the bottle in a lower volume and for two hands that hold
-nothing, and leaves it standing open. The door weighs 0.8 kg instead of 0.085 kg, is shut by 0.6 N m, and opens by 115
+nothing, and its door stays open by itself. The door weighs 0.8 kg instead of 0.085 kg, is shut by 0.6 N m, and opens by 115
 degrees instead of 90. Its handle is round and stands off by 50 mm, so that it can turn in a hand that turns less than the
 door does. Nothing shows the bottle's yaw, so it has none. The fridge stands within 5 cm and 10 degrees of the original's place, so
 that the right hand has to look, too.
 
-In the setting `varied` seven numbers decide: the bottle's place and the height of its pedestal, up to 8 cm, and the fridge's place,
-heading and height (it reaches up to 8 cm into the table). The bottle is 6 cm wide and nearly fills the open hand.
+In the setting `varied` seven numbers determine the keyposes: the bottle's place and the height of its pedestal, up to 8 cm, and
+the fridge's place, heading and height (it reaches up to 8 cm into the table). The bottle is 6 cm wide and nearly fills the open
+hand.
 """
 
 import math
@@ -42,7 +43,7 @@ IN_FRIDGE = Inside("bottle", "fridge", *FRIDGE.compartment)
 DOOR_HELD = Touched("fridge_door", by=Arm.RIGHT), Untouched("fridge_door", by=Arm.LEFT)
 FRIDGE_YAW_RAD = np.deg2rad(45.0)
 FRIDGE_AREA = PlacementArea(center_m=(0.667, 0.292), half_size_m=(0.05, 0.05), half_yaw_rad=np.deg2rad(10.0))
-"""In the original it never moves from the middle of these."""
+"""The original's fridge is always at the middle of this area and heading."""
 VARIED_BOTTLE, VARIED_STAND = replace(BOTTLE, radius_m=0.03), Pedestal("stand", (0.08, 0.08), depth_m=0.08)
 VARIED_SUNK_M = 0.08
 AREA_POSE = Pose.upright((0.05, -0.275, TABLE_HEIGHT_M), np.deg2rad(45.0))
@@ -53,14 +54,14 @@ PITCH_RAD = np.deg2rad(10.0)
 
 # The left hand: its fingers to the sides of the bottle.
 BRING_YAW_RAD = np.deg2rad(40.0)
-"""Turn from grasp to release; nearly straight into the fridge, and the left arm can do it from everywhere."""
+"""Yaw of the left hand from grasp to release: nearly straight into the fridge, and feasible from everywhere."""
 GRASP_M = 0.065
 """Above the bottle's foot; on the table the centre of a voxel."""
 FOLD_M = (0.20, 0.10, 1.35)
-"""Where the left hand turns first: from home, the arms' ways to bottle and handle cross."""
+"""Where the left hand goes first: the arms' ways from home to bottle and handle cross."""
 ABOVE_BOTTLE_M = 0.15
 LIFT_Z_M = 1.115
-"""Above the world's floor, from every pedestal: beneath the right wrist, which comes by with the door."""
+"""Above the world's floor, for every pedestal: below the right wrist, which passes by with the door."""
 VIA_M = (0.22, -0.02, 1.20)
 RELEASE_M = (0.062, 0.02)
 """Offset behind the plane of the opening and from its middle towards the handle's side, in the fridge's axes."""

@@ -1,7 +1,7 @@
 """Put the item in the bottom, middle or top drawer.
 
-The paper asks that the item be placed inside the drawer, and not that two arms be needed: the left one alone does all
-in turn (docs/environment.md). Here the left hand pulls the drawer open while the right hand picks the
+The paper requires that the item is placed inside the drawer, not that two arms are needed: the left arm alone can do
+everything in turn (docs/environment.md). Here the left hand pulls the drawer open while the right hand picks the
 item up from the cabinet's top, and holds it over the drawer as soon as that is open.
 
 Departures from the original: the item must lie inside the drawer with no arm touching it; the original is satisfied
@@ -10,9 +10,9 @@ and a damping of 2 N s/m keep a drawer where it was left (the original's slide f
 through each other, so that they never jam. The item falls 4 cm onto the drawer's floor. Placements spread over 40 x
 24 cm, as far as both arms reach, instead of the whole workspace.
 
-In the setting `varied` seven numbers decide: the cabinet's place, heading and height (legs longer by up to 8 cm), and where on
-its top the item lies, and how it is turned. Handles are round knobs on rubber, 56 mm wide, and the item is 6 cm wide: both
-nearly fill the open hand.
+In the setting `varied` seven numbers determine the keyposes: the cabinet's place, heading and height (legs longer by up to
+8 cm), and where on its top the item lies, and how it is turned. Handles are round knobs on rubber, 56 mm wide, and the item is
+6 cm wide: both nearly fill the open hand.
 
 A hand must have held the item: otherwise an arm that sweeps over the cabinet may push it off the top and pull the top drawer
 open under it in one go.

@@ -1,18 +1,18 @@
 """Straighten the rope.
 
-The paper asks for both ends in their areas. Both are held and pulled apart at the same time. The rope is springy: an end
-that is let go of returns to where the curled rope has it, so both have to be held while it counts.
+The paper requires both ends in their areas. Both are held and pulled apart at the same time. The rope is springy: a
+released end returns to its place in the curled rope, so both ends have to be held while success is judged.
 
-Departures from the original: the rope springs back to the shape in which it was laid down; there it lies still
-where it is left, and one arm could put down one end after the other. The middle of each end must lie in the original's
-area over its plate; there it is enough that any part of the end touches the area. The rope is 15 mm instead of 10 mm
+Departures from the original: the rope springs back to the shape in which it was laid down; the original's lies still
+where it is left, so one arm could put down one end after the other. The middle of each end must lie in the original's
+area over its plate; in the original it is enough that any part of the end touches the area. The rope is 15 mm instead of 10 mm
 thick and its ends are knots of 24 mm: fingers that come down a voxel too high close on nothing at a thin rope's
 end. Ends and plates have matching colours, blue for the tail and red for the head; the original's plates are both
 green.
 
-In the setting `varied` seven numbers decide: the plates' place, direction and distance, which is that of a rope 35 to 41 cm long,
-and how the rope is shifted and turned from where it lies between them. One end may lie on its plate at the start, and leaves it as
-the other one is pulled.
+In the setting `varied` seven numbers determine the keyposes: the plates' place, direction and distance, which fits a rope 35 to
+41 cm long, and how the rope is shifted and turned from where it lies between them. One end may lie on its plate at the start,
+and leaves it as the other one is pulled.
 """
 
 from collections.abc import Iterator
@@ -46,7 +46,7 @@ AREA = PlacementArea(center_m=(0.27, -0.07), half_size_m=(0.13, 0.19), half_yaw_
 PLATE_OFFSET_M = 0.194
 TAIL_START_M = np.array([0.0795, 0.182])
 FROM_TAIL_TO_HEAD_RAD = -1.9509564435332885
-"""Towards where the head starts, (-0.020, -0.067) m. A number, since NumPy's arctangent of it depends on the processor, by a bit."""
+"""Towards where the head starts, (-0.020, -0.067) m. A literal: the last bit of NumPy's arctangent depends on the processor."""
 ON_PLATE_M = ((-0.05, -0.03, -0.002), (0.05, 0.03, 0.018))
 """The box in which an end counts, in the plate's frame (PerAct2 code)."""
 

@@ -1,9 +1,9 @@
 """Sweep the dirt into the dustpan.
 
 One hand leads the broom while the other holds the pan that it sweeps into. The instruction names the dirt alone, but the pan
-is light and glides: unless it is held, the first lumps that climb its lip push it away before the broom. The dirt is to
-be swept: no arm may touch it, nor the pan be driven under it. Strokes that stop before the pan roll the lumps in without moving it,
-so the right hand has to hold it as long as one lies inside.
+is light and glides: unless it is held, the first lumps that climb its lip push it away before the broom. The dirt must
+be swept: no arm may touch it, and the pan may not be pushed under it. Strokes that stop before the pan roll the lumps in
+without moving it, so the right hand has to hold the pan as long as any lump lies inside.
 
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to contain the dirt,
 wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the latter turned by up to 15
@@ -11,8 +11,8 @@ degrees; there they never move, so that a motion that ignores the scene would sw
 instead of 60 and stands upright in a fork, and the hand holds its upper end from above. Lumps of dirt are 38 mm wide, to be
 seen, instead of 10, round and of 15 g. Bristles and lip touch dirt alone, feet and gliders the table alone; all are thin or yield.
 
-In the setting `varied` eleven numbers decide. The dirt lies in two heaps, too far apart for one stroke: the broom is led slantwise
-from behind either heap into the pan. Stands are turned, too, and brooms 33 to 37 cm high.
+In the setting `varied` eleven numbers determine the keyposes. The dirt lies in two heaps, too far apart for one stroke: the
+broom is led slantwise from behind either heap into the pan. Stands are turned, too, and brooms 33 to 37 cm high.
 """
 
 import math
@@ -45,7 +45,7 @@ DIRT_HALF_M, PAN_Y_M = np.array([0.09675, 0.1356]), -0.25
 """How far crumbs lie from that middle, and the pan's offset from it (decoded from RLBench's task file)."""
 VARIED_AREA = PlacementArea(center_m=(0.16, -0.03), half_size_m=(0.08, 0.04), half_yaw_rad=np.deg2rad(15.0))
 HEAP_M, HEAP_HALF_M = ((0.12, 0.03), (0.125, 0.05)), np.array([0.03, 0.07])
-"""In `varied`: the middle of the heap on the right, from the middle of the dirt; and how far crumbs lie from that of theirs."""
+"""In `varied`: range of the right heap's middle, from the dirt's middle; and how far crumbs lie from their heap's middle."""
 VARIED_STAND_YAW_RAD = np.deg2rad(20.0)
 VARIED_BROOMS = tuple(replace(BROOM, height_m=height_m) for height_m in (0.33, 0.35, 0.37))
 CRUMB_DISTANCE_M = 0.055
@@ -61,10 +61,11 @@ TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
 FORK_Y_M, LEFT_END_M, LEFT_X_M = -0.035, (-0.125, 0.0, 0.0), -0.14
 """Strokes start before the fork, or the stick catches on a prong, and with the head's left end clear of the left arm's base."""
 BEHIND_DIRT_M, BEHIND_SHARE, SWEEP_TO_M = 0.06, 0.2, 0.015
-"""A sweep starts this far behind the last lump, plus a share of the heap's distance from the middle, and ends before the pan's."""
+"""A sweep starts `BEHIND_DIRT_M` behind the last lump, plus `BEHIND_SHARE` of the heap's sideways distance from the middle of
+the pan, and ends `SWEEP_TO_M` before that middle."""
 TOWARDS_M, ACROSS_M = 0.05, 0.02
-"""A slanting stroke starts square to the line to a point before the pan's middle. It ends beyond the middle, square to the
-pan, since the broom trails."""
+"""A slanting stroke starts square to the line to a point `TOWARDS_M` before the pan's middle. It ends `ACROSS_M` beyond the
+middle, square to the pan, since the broom trails."""
 
 # The right hand: from the side and slightly from above, on the pan's handle.
 HOLD = Pose.looking((0, PAN.handle_y_m, 0.25), approach=(-1, 1, -0.25), opening=(1, 1, 0))

@@ -1,7 +1,7 @@
 """Take the tray out of the oven.
 
-The paper grants this task to one arm, and the right one alone does all in turn (docs/environment.md). Here the right hand
-opens the door and makes way, while the left one already waits where it reaches in and takes the tray.
+According to the paper, one arm can do this task; the right arm alone can do everything in turn (docs/environment.md). Here the
+right hand opens the door and moves aside. The left hand already waits where it then reaches in and takes the tray.
 
 Departures from the original: every point of the tray must be above the oven's top while both fingers of one hand hold
 it, as the paper's text has it; the original's code asks only that the tray has left its rack and is released. The
@@ -10,12 +10,12 @@ lies anywhere in 30 x 28 cm, so that the oven's middle moves by 65 x 40 cm. The 
 0.1, its brake holds 0.15 N m instead of 1.0, and its hinge is damped by 3 N m s, so that it sinks open by itself when it
 is let go of half-way: a horizontal hand cannot follow its handle all the way down. Its bar sits on rubber and gives by 12 mm,
 so that a hand beside its arc is not pulled with 100 N. The rack's brake is 0.5 N instead of 0.1, and damped by 2 N s/m.
-Bar and grip of the tray are short and stand proud, by 50 and 43 mm: those as wide as the original's let a motion that ignores
-the scene take the tray too often. Door and rack pass through the oven's body, so that they never jam.
+The bar and the tray's grip are short and protrude by 50 and 43 mm: with ones as wide as the original's, a motion that ignores
+the scene would take the tray too often. Door and rack pass through the oven's body, so that they never jam.
 
-In the setting `varied` six numbers decide: the oven's place and heading, on which of four heights its rack is, and how far to
-a side, and how much turned, the tray lies on it. The bar is 4 cm long and 3 thick, the grip of the tray 4 cm wide and 54 mm
-high, so that an open hand has a centimetre to spare.
+In the setting `varied` six numbers determine the keyposes: the oven's place and heading, which of four heights its rack has,
+and how far the tray on it is shifted to a side and turned. The bar is 4 cm long and 3 thick, the grip of the tray 4 cm wide
+and 54 mm high, so that an open hand has a centimetre to spare.
 """
 
 import math

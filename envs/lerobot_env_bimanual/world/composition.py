@@ -56,7 +56,7 @@ class Composition:
         self._backdrops: dict[int, Backdrop | None] = {}
 
     def begin(self, appearance: bytes) -> None:
-        """Take over where everything is, and the fingerprint of its appearance; images of several cameras may follow."""
+        """Prepare images of the present state from any cameras; `appearance` is the fingerprint of the scene's appearance."""
         self._offscreen.make_current()
         looks_of_room = appearance + self._looks(self._room)
         has_new_room = looks_of_room != self._looks_of_room
@@ -105,12 +105,12 @@ class Composition:
         return self._offscreen.draw(self._others, self._data, camera)
 
     def _list(self, scene: mujoco.MjvScene, geoms: Geoms, options: mujoco.MjvOption) -> None:
-        """Fill a scene with geoms, as far as they are for the eye, and with the sites that the options show."""
+        """Fill a scene with the visual ones of some geoms, and with the sites that the options show."""
         with self._shown(geoms):
             mujoco.mjv_updateScene(self._model, self._data, options, None, self._eye, ALL, scene)
 
     def _list_view(self, camera: int) -> None:
-        """Fill a scene with what is in view of a camera, and with what is at the room's planes after all the rest."""
+        """Fill a scene with the geoms in view of a camera; those of `_drawn_last` come after all others."""
         seen = in_view(self._model, self._data, camera, self._offscreen.aspect, self._offscreen.margin)
         self._list(self._others, seen & ~self._drawn_last, self._options)
         with self._shown(seen & self._drawn_last):
@@ -119,7 +119,7 @@ class Composition:
 
     @contextlib.contextmanager
     def _shown(self, geoms: Geoms) -> Iterator[None]:
-        """Hide all other geoms, by lending the model groups that are not drawn."""
+        """Hide all other geoms in the `with` block by giving them a group that is not drawn."""
         groups = self._model.geom_group
         kept = groups.copy()
         groups[~geoms] = HIDDEN_GROUP

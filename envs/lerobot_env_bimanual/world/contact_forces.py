@@ -1,4 +1,4 @@
-"""Net forces between each arm and all else that it touches, and how deep things lie in each other."""
+"""Net forces between each arm and everything else that it touches, and how deep bodies penetrate each other."""
 
 import math
 
@@ -10,12 +10,12 @@ from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 FORCE_FILTER_HZ = 10.0
-"""Bandwidth of the low pass through which an arm feels forces: 16 ms to 63 % of a step."""
+"""Bandwidth of the low-pass filter of an arm's forces: its response to a step reaches 63 % after 16 ms."""
 AT_REST_N = np.zeros((len(ARMS), 3))
 
 
 class ContactForces:
-    """The contacts of a scene, noted step by step and looked at now and then; it only reads."""
+    """Collects forces and penetrations of a scene's contacts at each step of physics until `take` returns them; read-only."""
 
     def __init__(self, scene: SceneView):
         self._scene = scene
@@ -51,11 +51,11 @@ class ContactForces:
             np.add.at(forces_n, touched[on_arm], sign * on_second_n[on_arm])
 
     def take(self) -> tuple[NDArray[np.float64], float, str]:
-        """What was noted since the last time.
+        """Return what was noted since the last call.
 
         Returns:
             (steps, 2, 3) net forces on each arm in N, world frame; the deepest penetration in m, and the two bodies, 0 and
-            "" if there is none. What the two fingers of a hand squeeze cancels out.
+            "" if there is none. The squeezing forces of a hand's two fingers cancel out.
         """
         forces_n, (depth_m, bodies) = self._forces_n, self._deepest
         self._forces_n, self._deepest = [], (0.0, "")
@@ -63,7 +63,7 @@ class ContactForces:
 
 
 def felt(forces_n: NDArray[np.float64], before_n: NDArray[np.float64] = AT_REST_N) -> NDArray[np.float64]:
-    """Forces (steps, 2, 3) through the low pass, given what was felt before, (2, 3)."""
+    """Low-pass filtered forces (steps, 2, 3), given the filtered forces (2, 3) of the step before."""
     share = 1 - math.exp(-2 * np.pi * FORCE_FILTER_HZ * PHYSICS_STEP_S)
     felt_n, now_n = np.empty_like(forces_n), before_n
     for step, force_n in enumerate(forces_n):

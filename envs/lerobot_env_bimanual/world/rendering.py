@@ -21,7 +21,7 @@ QUALITIES = {
     "high": Quality(samples=4, shadow_map_size=4096, slices=48, quads=8),
 }
 COARSE_SHADOWS = 512
-"""Pixels of a shadow map's side where shadows are asked for alone: about 4 mm on the table."""
+"""Side of the shadow map, in pixels, if only the appearance requires shadows: about 4 mm on the table."""
 
 
 class Renderer:

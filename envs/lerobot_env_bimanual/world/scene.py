@@ -204,7 +204,7 @@ class Scene(SceneView):
         last, self._commanded = self._commanded, np.array(joint_action, dtype=np.float32)
         commands = self._servos.of_tick(last, self._commanded)
         model, data, ctrl = self.model, self.data, self.data.ctrl[:JOINT_ACTION_DIM]
-        # Only here, for what sleeps is then left out of every computation of poses.
+        # Enabled only here: with it, MuJoCo skips sleeping bodies in every computation of poses.
         self._options.enableflags |= SLEEP
         try:
             # MuJoCo's step is step1 (positions to contacts) and step2 (forces to new positions). Starting with the
@@ -235,7 +235,7 @@ class Scene(SceneView):
     def state_hash(self) -> str:
         """SHA-256, in hex, of everything that decides how the scene goes on, and of the colours that the task sets.
 
-        Not of what perturbations change in images only, so that episodes of a seed have the same hashes under them.
+        Changes by perturbations that affect images only are excluded, so that a seed's episode has the same hashes under them.
         """
         digest = hashlib.sha256(self._identity + self._physics_state().tobytes())
         digest.update(self.data.tree_asleep.tobytes())

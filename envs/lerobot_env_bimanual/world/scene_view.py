@@ -38,7 +38,7 @@ class SceneView:
         arm_of_body: (nbody,) number of the arm that each body belongs to; -1 for the room and props.
         appearance: how it looks where that differs from the model, and where its cameras are.
         joint_qpos: (2, 7) places of the arms' joints in `data.qpos`.
-        scales: by how much bodies are larger than their prop says, by name; 1 for those that are not there.
+        scales: factor by which a body is larger than its prop's sizes, by name; 1 for names that are missing.
     """
 
     def __init__(

@@ -63,8 +63,8 @@ class ServoCommands:
     def _finger_travel_m(self, arm: Arm, opening: float, last: float) -> NDArray[np.float64]:
         """Finger targets (25,) on the way to an opening, given the last one.
 
-        The way begins at the last command, or where the fingers are if that is nearer: a hand that lets go does not
-        have to take back at first how hard it pressed.
+        The motion begins at the last command, or at the fingers' position if that is nearer to the target: a hand that
+        opens does not have to undo its squeeze first.
         """
         target = PANDA_PAIR.finger_target_m(opening)
         one, other = self._fingers[arm.ordinal]
