@@ -165,9 +165,11 @@ def network(
     # 2. Tokens: (b, 64, v, v, v), (b, 64, p, p, p), and (b, words + p^3, 128).
     stem = leaky(conv(grid, p["stem.conv.weight"], p["stem.conv.bias"]))
     patches = leaky(conv(stem, p["patchify.conv.weight"], p["patchify.conv.bias"], stride=5, padding=2))
-    body = leaky(F.linear(proprio, p["proprio.weight"], p["proprio.bias"]))
+    proprio_features = leaky(F.linear(proprio, p["proprio.weight"], p["proprio.bias"]))
     size = patches.shape[-1]
-    patches = torch.cat([patches, body[:, :, None, None, None].expand(-1, -1, size, size, size)], dim=1)
+    patches = torch.cat(
+        [patches, proprio_features[:, :, None, None, None].expand(-1, -1, size, size, size)], dim=1
+    )
     words = F.linear(language, p["language.weight"], p["language.bias"])
     tokens = torch.cat([words, patches.flatten(2).transpose(1, 2)], dim=1) + p["positions"]
 

@@ -7,7 +7,7 @@ from lerobot_bimanual.errors import BimanualError
 
 CONFIG_FILE = "config.json"
 TRAIN_CONFIG_FILE = "train_config.json"
-BELOW = ("pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model")
+CHECKPOINT_SUBFOLDERS = ("pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model")
 """Paths of a checkpoint below folders of a training that users may give instead of the checkpoint."""
 
 
@@ -15,7 +15,7 @@ def require_checkpoint(folder: Path) -> None:
     """Refuse a folder in which LeRobot has saved no policy; the error names the one that may be meant."""
     if (folder / CONFIG_FILE).is_file():
         return
-    inside = [folder / path for path in BELOW if (folder / path / CONFIG_FILE).is_file()]
+    inside = [folder / path for path in CHECKPOINT_SUBFOLDERS if (folder / path / CONFIG_FILE).is_file()]
     advice = (
         f"Do you mean {inside[0]}?"
         if inside
@@ -33,7 +33,9 @@ def require_checkpoint_if_local(path: str) -> None:
 
 def how_to_resume(training: Path) -> str:
     """The part of a message that says how to resume the training in this folder."""
-    config = next(filter(Path.is_file, (training / path / TRAIN_CONFIG_FILE for path in BELOW)), None)
+    config = next(
+        filter(Path.is_file, (training / path / TRAIN_CONFIG_FILE for path in CHECKPOINT_SUBFOLDERS)), None
+    )
     if config is None:
-        return f"there is no checkpoint at {training / BELOW[-1]}"
+        return f"there is no checkpoint at {training / CHECKPOINT_SUBFOLDERS[-1]}"
     return f"to go on from the last checkpoint give {quote(f'--config_path={config}')} --resume=true"

@@ -24,14 +24,14 @@ class KeyposeBins:
             degrees.
         gripper_open: (..., 2) int64, 0 or 1.
         ignore_collisions: (..., 2) int64, 0 or 1.
-        place: (..., 2, 3) float, the position in voxels, the centre of the first at 0.
+        voxel_position: (..., 2, 3) float, the position in voxels, the centre of the first at 0.
     """
 
     voxel: Tensor
     rotation: Tensor
     gripper_open: Tensor
     ignore_collisions: Tensor
-    place: Tensor
+    voxel_position: Tensor
 
 
 class TorchKeyposeCodec(layout.KeyposeGrid):

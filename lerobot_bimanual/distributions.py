@@ -47,7 +47,7 @@ def entries(group: str) -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in found if entry.pattern.match(entry.value)}
 
 
-def location(module: str) -> Path | None:
+def module_path(module: str) -> Path | None:
     """Where a module lies, without the suffix of a file; None if its distribution has no folder."""
     top, *inner = module.split(".")
     spec = importlib.util.find_spec(top)

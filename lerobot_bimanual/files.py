@@ -45,7 +45,7 @@ def check_output_file(path: Path) -> None:
     check_output_folder(path.parent)
 
 
-def keep_others_out(descriptor: int, path: Path) -> None:
+def lock_exclusively(descriptor: int, path: Path) -> None:
     """Keep other processes out of an open file or folder until it is closed, or this process has ended.
 
     Raises:
@@ -62,7 +62,7 @@ def keep_others_out(descriptor: int, path: Path) -> None:
 
 
 @contextmanager
-def owned(folder: Path) -> Iterator[None]:
+def locked(folder: Path) -> Iterator[None]:
     """Make a folder, if it is not there, and keep other processes that own it out.
 
     Raises:
@@ -72,7 +72,7 @@ def owned(folder: Path) -> Iterator[None]:
     check_output_folder(folder)
     descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        keep_others_out(descriptor, folder)
+        lock_exclusively(descriptor, folder)
         yield
     finally:
         os.close(descriptor)
@@ -136,12 +136,12 @@ def move_durably(source: Path, target: Path) -> None:
     """
     for parent, _, files in os.walk(source):
         for name in files:
-            bring_to_disk(Path(parent, name))
-        bring_to_disk(parent)
+            fsync_path(Path(parent, name))
+        fsync_path(parent)
     if not source.is_dir():
-        bring_to_disk(source)
+        fsync_path(source)
     source.replace(target)
-    bring_to_disk(target.parent)
+    fsync_path(target.parent)
 
 
 def read_file(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
@@ -192,7 +192,7 @@ def read_yaml(path: Path, max_bytes: int = 2**16) -> Any:
         raise BimanualError(f"{path}: {plain(error)}") from error
 
 
-def bring_to_disk(path: str | Path) -> None:
+def fsync_path(path: str | Path) -> None:
     """Have a file, or the names in a folder, survive a power failure.
 
     Raises:

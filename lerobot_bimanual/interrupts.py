@@ -11,7 +11,7 @@ from types import FrameType
 from typing import Any
 
 PR_SET_PDEATHSIG = 1
-AGAIN_S = 1
+RERAISE_INTERVAL_S = 1
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def signal_handled(
 
 
 @contextmanager
-def unwound_by_termination() -> Iterator[None]:
+def termination_as_system_exit() -> Iterator[None]:
     """Let SIGTERM and SIGHUP raise SystemExit inside the block, so that workers end and temporary files are removed.
 
     Raises:
@@ -48,7 +48,7 @@ def unwound_by_termination() -> Iterator[None]:
         if not isinstance(sys.exception(), SystemExit):
             # Finalizers and hooks of forks swallow what is raised in them, so it is raised again until something unwinds.
             alarms.append(signal.signal(signal.SIGALRM, leave))
-            signal.alarm(AGAIN_S)
+            signal.alarm(RERAISE_INTERVAL_S)
             raise SystemExit(128 + came[0])
 
     try:

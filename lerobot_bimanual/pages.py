@@ -18,7 +18,7 @@ MARKUP = {ord(character): f"&#{ord(character)};" for character in "&<>`|[]{}\\"}
 """Escapes of the characters that begin a link, a tag, code, a cell or attributes in Markdown or in HTML inside it."""
 
 
-def markdown(text: object, limit: int = MAX_TEXT) -> str:
+def escape_markdown(text: object, limit: int = MAX_TEXT) -> str:
     """Escape a text for a paragraph or a table cell in Markdown; code spans and emphasis are kept."""
     parts = CODE_SPAN.split(plain(text, limit))
     return "".join(part if CODE_SPAN.fullmatch(part) else part.translate(MARKUP) for part in parts)
@@ -37,7 +37,7 @@ def render(package: str, template: str, **values: object) -> str:
     from markupsafe import Markup
 
     def escaped(value: object) -> object:
-        return markdown(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+        return escape_markdown(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
     environment = Environment(
         loader=PackageLoader(package),
@@ -52,7 +52,7 @@ def render(package: str, template: str, **values: object) -> str:
         "fence": lambda text: Markup(
             plain(" ".join(map(plain, text.split(" "))), MAX_MESSAGE).replace("`", "'")
         ),
-        "join": lambda values, by: Markup(by.join(map(markdown, values))),
+        "join": lambda values, by: Markup(by.join(map(escape_markdown, values))),
     }
     return environment.get_template(template).render(values)
 
@@ -60,7 +60,9 @@ def render(package: str, template: str, **values: object) -> str:
 def markdown_table(frame: pd.DataFrame, words: bool = False) -> str:
     """A Markdown table; the first column is aligned left, the others right, or left in a table of words."""
     align = ["left", *["left" if words else "right"] * (len(frame.columns) - 1)]
-    frame = frame.map(lambda cell: markdown(cell) if isinstance(cell, str) else cell).rename(columns=markdown)
+    frame = frame.map(lambda cell: escape_markdown(cell) if isinstance(cell, str) else cell).rename(
+        columns=escape_markdown
+    )
     text = frame.to_markdown(index=False, disable_numparse=True, colalign=align)
     assert text is not None  # it goes to no file
     return text

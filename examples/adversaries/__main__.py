@@ -5,7 +5,7 @@ Usage, in the folder `examples`: python -m adversaries [--task=push_box] [--firs
 
 import argparse
 
-from adversaries.ways import DOES_IT, NO_WAY_KNOWN, tally
+from adversaries.ways import SOLVED_BY_ONE_ARM, UNSOLVED_BY_ONE_ARM, tally
 from lerobot_bimanual.arms import Arm
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
@@ -17,7 +17,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=20)
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.episodes)
-    for task, arm in (*DOES_IT, *NO_WAY_KNOWN):
+    for task, arm in (*SOLVED_BY_ONE_ARM, *UNSOLVED_BY_ONE_ARM):
         if task in resolve_tasks(arguments.task):
             solved, but_for_the_way = tally(task, Arm(arm), seeds)
             text = f"{task}: {arm} arm alone solves {len(solved)} of {len(seeds)}"

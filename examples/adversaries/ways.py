@@ -23,13 +23,13 @@ from lerobot_env_bimanual.task import Script
 
 MAX_TRIES = 14
 """Ways that are tried in a copy of the episode."""
-DOES_IT = (
+SOLVED_BY_ONE_ARM = (
     ("pick_laptop", "left"),
     ("put_item_in_drawer", "right"),
     ("take_tray_out_of_oven", "left"),
 )
 """Tasks that one arm can do, and one that does."""
-NO_WAY_KNOWN = (
+UNSOLVED_BY_ONE_ARM = (
     ("put_bottle_in_fridge", "left"),
     ("pick_plate", "right"),
     ("sweep_to_dustpan", "left"),

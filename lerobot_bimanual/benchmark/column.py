@@ -20,7 +20,7 @@ from lerobot_bimanual.resources import usable_cores, worker_count
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.protocols import PROTOCOLS
 
-LOOK_S = 0.2
+POLL_INTERVAL_S = 0.2
 
 
 def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig]:
@@ -74,7 +74,7 @@ def run_column(column: Sequence[BenchmarkConfig], lanes: int) -> None:
                         failed.append(str(_log(cell)))
                     if lane:
                         running[_start(lane[0])] = lane
-                time.sleep(LOOK_S)
+                time.sleep(POLL_INTERVAL_S)
         except KeyboardInterrupt:
             raise KeyboardInterrupt("the same command continues where it stopped") from None
         finally:

@@ -22,13 +22,13 @@ from rich.console import Console
 
 from lerobot_bimanual.checkpoint_folder import TRAIN_CONFIG_FILE
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import check_output_folder, owned, sha256
+from lerobot_bimanual.files import check_output_folder, locked, sha256
 from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import usable_cores
 from lerobot_bimanual.results.benchmark import INCIDENTAL
 from lerobot_bimanual.results.record import Record
 
-NO_MATTER = r" --(workers|{})=\S+".format("|".join(map(re.escape, INCIDENTAL)))
+IRRELEVANT_FLAGS = r" --(workers|{})=\S+".format("|".join(map(re.escape, INCIDENTAL)))
 """Flags that change no output, so that a command with others is the same."""
 TERMINATION_TIMEOUT_S = 5.0
 """Time that an interrupted program has to end its workers."""
@@ -45,7 +45,7 @@ class Command:
         inputs: files made by earlier commands; this one counts as done only for their present content.
         training_folder: where a command with the flags of `lerobot-train` keeps its checkpoints, from which it is
             resumed.
-        judges: whether the command exits with 1 after it has measured something insufficient, as `expert evaluate`
+        allows_exit_code_1: whether the command exits with 1 after it has measured something insufficient, as `expert evaluate`
             does. Its output is then a result like any other.
     """
 
@@ -54,7 +54,7 @@ class Command:
     output: Path
     inputs: tuple[Path, ...] = ()
     training_folder: Path | None = None
-    judges: bool = False
+    allows_exit_code_1: bool = False
 
     def __str__(self) -> str:
         return shlex.join(self.words)
@@ -125,7 +125,7 @@ class Pipeline:
             BimanualError: the command failed or left no output, an input is missing, its folder holds checkpoints of
                 another training, its marker is damaged, or another process runs a command in the folder of the markers.
         """
-        with owned(self._folder):
+        with locked(self._folder):
             self._run(command)
 
     def _run(self, command: Command) -> None:
@@ -138,7 +138,7 @@ class Pipeline:
         if command.training_folder is not None and (resume := self._resume(command, command.training_folder)):
             words, seconds = resume, marker.seconds
         show_command(self._console, "$ ", words)
-        if command.judges:
+        if command.allows_exit_code_1:
             command.output.unlink(missing_ok=True)  # so that afterwards it is known to be new
         marker = marker.model_copy(update={"done": False, "seconds": seconds})
         marker.write(self._path(command))
@@ -150,7 +150,7 @@ class Pipeline:
         finally:
             marker = marker.model_copy(update={"seconds": seconds + time.monotonic() - started})
             marker.write(self._path(command))
-        if code and not (code == 1 and command.judges and command.output.exists()):
+        if code and not (code == 1 and command.allows_exit_code_1 and command.output.exists()):
             raise BimanualError(
                 f"{command.name!r} failed with exit code {code}; its output is above. "
                 f"The same command line continues from here. What failed was: {shlex.join(words)}"
@@ -209,7 +209,7 @@ class Pipeline:
 
 def _same(first: str, second: str) -> bool:
     """Whether two commands have the same output."""
-    return re.sub(NO_MATTER, "", first) == re.sub(NO_MATTER, "", second)
+    return re.sub(IRRELEVANT_FLAGS, "", first) == re.sub(IRRELEVANT_FLAGS, "", second)
 
 
 def show_command(console: Console, prompt: str, words: Iterable[str]) -> None:

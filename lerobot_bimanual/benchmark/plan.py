@@ -10,7 +10,7 @@ from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.recipes import Recipe, sizes
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
-from lerobot_bimanual.results.evaluation import STANDARD, eval_key, perturbed
+from lerobot_bimanual.results.evaluation import STANDARD, eval_key, with_perturb_suffix
 from lerobot_bimanual.results.protocols import PROTOCOLS
 
 ScoredSplit = Literal["val", "test"]
@@ -57,8 +57,8 @@ class Plan:
         if self.recipe.cameras != CAMERA_NAMES:
             kind += f"_{'.'.join(self.recipe.cameras)}"
         kind += "_on_the_way" if self._intermediate else ""
-        name = self.settings.seeded(f"{kind}_{self.settings.image_size}_{self.settings.demos}")
-        return self.source / self.settings.demonstrated(name)
+        name = self.settings.with_seed_suffix(f"{kind}_{self.settings.image_size}_{self.settings.demos}")
+        return self.source / self.settings.with_demos_suffix(name)
 
     @property
     def training_folder(self) -> Path:
@@ -78,7 +78,7 @@ class Plan:
     def report(self, player: str) -> Path:
         """Report of the expert or of a baseline on the test seeds."""
         seeds = self.seeds("test")
-        name = perturbed(f"{player}_{seeds.start}_{seeds.stop}", self.settings.perturb)
+        name = with_perturb_suffix(f"{player}_{seeds.start}_{seeds.stop}", self.settings.perturb)
         return self.folder / f"{name}.json"
 
     def checkpoint(self, step: int) -> Path:
@@ -93,7 +93,7 @@ class Plan:
     def evaluation_folder(self, split: ScoredSplit, step: int) -> Path:
         """What `lerobot-eval` writes for a checkpoint."""
         name = f"{split}_{self.checkpoint(step).parent.name}"
-        return self.run_folder / perturbed(name, self._perturb(split))
+        return self.run_folder / with_perturb_suffix(name, self._perturb(split))
 
     def record_file(self, split: ScoredSplit, step: int) -> Path:
         """The environment's record of that evaluation, with every action."""
@@ -147,7 +147,7 @@ class Plan:
             "output": str(report),
         }
         words = ["lerobot-bimanual", "expert", "evaluate", *flag_words(_given(options))]
-        return Command(report.stem, words, output=report, judges=True)
+        return Command(report.stem, words, output=report, allows_exit_code_1=True)
 
     def training(self) -> Command:
         """Train with a checkpoint every `save_freq` steps."""

@@ -14,7 +14,7 @@ from typing import Any, Self, cast, get_args
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.distributions import entries, location
+from lerobot_bimanual.distributions import entries, module_path
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean
 from lerobot_bimanual.files import read_yaml
 
@@ -101,7 +101,7 @@ class Recipe:
         if policy not in packages:
             valid = f"{', '.join(packages)}, or another that LeRobot knows, with --recipe=FILE.yaml"
             raise InvalidChoice("policy", policy, f"{valid}.{did_you_mean(policy, packages)}")
-        folder = location(packages[policy].value)
+        folder = module_path(packages[policy].value)
         return {path.stem: path for path in sorted(folder.glob(f"recipes/*{SUFFIX}"))} if folder else {}
 
     @property

@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, version
 
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, parse_flags
-from lerobot_bimanual.distributions import entries, location, require_extras
+from lerobot_bimanual.distributions import entries, module_path, require_extras
 from lerobot_bimanual.errors import MAX_MESSAGE, BimanualError, did_you_mean, plain
-from lerobot_bimanual.interrupts import unwound_by_termination
+from lerobot_bimanual.interrupts import termination_as_system_exit
 
 PROGRAM = "lerobot-bimanual"
 ENTRY_POINTS = "lerobot_bimanual.commands"
@@ -31,16 +31,16 @@ SECTIONS = {
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command of the words after the program's name, by default this process's; returns the exit code."""
-    return answered(PROGRAM, lambda: _dispatch(list(sys.argv[1:] if words is None else words)))
+    return run_reporting_errors(PROGRAM, lambda: _dispatch(list(sys.argv[1:] if words is None else words)))
 
 
-def answered(program: str, work: Callable[[], int]) -> int:
+def run_reporting_errors(program: str, work: Callable[[], int]) -> int:
     """The exit code of a program's work; if it fails, a line that begins with the program's name says why."""
     code = 128 + signal.SIGPIPE  # if the reader of our output leaves before the end, as `head` does
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may know ASCII only
     try:
-        with unwound_by_termination():
+        with termination_as_system_exit():
             code = work()
         sys.stdout.flush()
         return code
@@ -91,7 +91,7 @@ def config_type_of(command: Callable[..., int | None]) -> type:
 
 def summary(entry: EntryPoint) -> str:
     """First line of a command's docstring, read from its source without importing it; "" if there is none."""
-    place = location(entry.module)
+    place = module_path(entry.module)
     source = place.with_suffix(".py") if place else None
     if source is None or not source.is_file():
         return ""

@@ -20,7 +20,7 @@ def flag_values(words: Sequence[str]) -> dict[str, str]:
     return _of_file(given.get("config_path", "")) | given
 
 
-def without_ours(words: Sequence[str]) -> list[str]:
+def strip_plugin_flags(words: Sequence[str]) -> list[str]:
     """The words of a command line for LeRobot: without our flags, and without values that follow them as separate words."""
     ours = (f"--{TRUST_FLAG}", f"--{KEEP_FLAG}")
     return [

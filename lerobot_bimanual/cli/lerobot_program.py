@@ -9,8 +9,14 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from lerobot_bimanual.checkpoint_folder import require_checkpoint_if_local
-from lerobot_bimanual.cli.command_line import TRACEBACK_VARIABLE, answered
-from lerobot_bimanual.cli.lerobot_flags import KEEP_FLAG, TRUST_FLAG, flag_values, is_trusted, without_ours
+from lerobot_bimanual.cli.command_line import TRACEBACK_VARIABLE, run_reporting_errors
+from lerobot_bimanual.cli.lerobot_flags import (
+    KEEP_FLAG,
+    TRUST_FLAG,
+    flag_values,
+    is_trusted,
+    strip_plugin_flags,
+)
 from lerobot_bimanual.distributions import installed_version
 from lerobot_bimanual.errors import BimanualError
 
@@ -65,7 +71,7 @@ def run_program(
             raise BimanualError("LeRobot is not installed: pip install 'lerobot_bimanual[lerobot]'")
         words = sys.argv[1:]
         values = flag_values(words)
-        sys.argv[1:] = without_ours(words)
+        sys.argv[1:] = strip_plugin_flags(words)
         if "help" in values:
             ours = f"--{TRUST_FLAG}=true; in trainings --{KEEP_FLAG}=N"
             print(f"flags of ours: {ours}. All others are LeRobot's:\n")
@@ -84,7 +90,7 @@ def run_program(
         print(f"{program}: importing LeRobot", file=sys.stderr)
         shown: list[Any] = [Filtered(stream, progress) for stream in (sys.stdout, sys.stderr)]
         if not progress:
-            _report_ours(Filtered(sys.stderr, progress=True))
+            _configure_package_logging(Filtered(sys.stderr, progress=True))
         try:
             with redirect_stdout(shown[0]), redirect_stderr(shown[1]):
                 work(values)
@@ -99,10 +105,10 @@ def run_program(
             ) from error
         return 0
 
-    return answered(program, main)
+    return run_reporting_errors(program, main)
 
 
-def _report_ours(stream: Any) -> None:
+def _configure_package_logging(stream: Any) -> None:
     """Write what our packages report as plain lines."""
     handler = logging.StreamHandler(stream)
     for name in ("lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual"):

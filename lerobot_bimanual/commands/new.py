@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import distributions, packages_distributions
 from pathlib import Path
 
-from lerobot_bimanual.distributions import location
+from lerobot_bimanual.distributions import module_path
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.files import write_file
 from lerobot_bimanual.terminal import say, show_next
@@ -57,7 +57,7 @@ def policy_new(config: NewConfig) -> None:
 
 
 def _folder(package: str) -> Path:
-    return location(package) or Path()
+    return module_path(package) or Path()
 
 
 def _write(source: Path, old: str, name: str, target: Path, taken: Collection[str]) -> None:

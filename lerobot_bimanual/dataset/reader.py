@@ -208,10 +208,10 @@ def find_view(root: str | Path, preferred: Sequence[View] = VIEWS) -> Path:
     for candidate in (Path(root), *(Path(root, view) for view in preferred)):
         if (candidate / INFO_FILE).is_file():
             return candidate
-    raise no_dataset(root, "--root")
+    raise missing_dataset_error(root, "--root")
 
 
-def no_dataset(root: str | Path, flag: str, otherwise: str = "") -> DatasetError:
+def missing_dataset_error(root: str | Path, flag: str, otherwise: str = "") -> DatasetError:
     """The error for a missing dataset at `root`; it suggests one below `root` for `flag`, or ends with `otherwise`."""
     below = [path for depth in ("*", "*/*") for path in sorted(Path(root).glob(f"{depth}/{INFO_FILE}"))]
     hint = f". Did you mean {flag}={below[0].parents[1]}?" if below else otherwise

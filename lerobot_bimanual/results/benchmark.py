@@ -16,7 +16,7 @@ from lerobot_bimanual.results.episode import (
     Sha256,
     success_rate,
 )
-from lerobot_bimanual.results.evaluation import EvaluationRecord, WorldVersion, eval_key, perturbed
+from lerobot_bimanual.results.evaluation import EvaluationRecord, WorldVersion, eval_key, with_perturb_suffix
 from lerobot_bimanual.results.protocols import protocol_of
 from lerobot_bimanual.results.record import BadRecord, Name, Record, Text, require
 from lerobot_bimanual.results.statistics import SuccessRate
@@ -73,7 +73,7 @@ class BenchmarkSettings(Record):
     protocol: Name = Field(default_factory=protocol_of)
 
     @model_validator(mode="after")
-    def _belongs_together(self) -> Self:
+    def _check_consistency(self) -> Self:
         name = protocol_of(vars(self))
         require(self.protocol == name, f"protocol is {self.protocol!r}, but its flags are those of {name!r}")
         few = self.steps <= MAX_CHECKPOINTS * self.save_freq
@@ -93,12 +93,14 @@ class BenchmarkSettings(Record):
     @property
     def policy_id(self) -> str:
         """The policy, with what it learned from if that is not its nominal task alone."""
-        return self._learned(self.policy)
+        return self._with_training_suffix(self.policy)
 
     @property
     def run_id(self) -> str:
         """Name of the training: `policy_id` with recipe and seeds."""
-        return self._learned(self.seeded(f"{self.policy}_{self.recipe}_seed{self.seed}"))
+        return self._with_training_suffix(
+            self.with_seed_suffix(f"{self.policy}_{self.recipe}_seed{self.seed}")
+        )
 
     @property
     def file_name(self) -> str:
@@ -110,19 +112,19 @@ class BenchmarkSettings(Record):
         """Steps after which LeRobot leaves a checkpoint, the last one included."""
         return (*range(self.save_freq, self.steps, self.save_freq), self.steps)
 
-    def seeded(self, name: str) -> str:
+    def with_seed_suffix(self, name: str) -> str:
         """A name with the seed of the first demonstration, if that is not the usual one."""
         return f"{name}_from{self.first_demo_seed}" if self.first_demo_seed else name
 
-    def demonstrated(self, name: str) -> str:
+    def with_demos_suffix(self, name: str) -> str:
         """A name with what is special about the demonstrations: perturbations, few, several plans, other variations."""
-        name = perturbed(name, self.demos_perturb)
+        name = with_perturb_suffix(name, self.demos_perturb)
         name += "_few" if self.protocol == "few" else ""
         name += "_plans" if self.demos_plans == "several" else ""
         return name + (f"_of{self.demos_variation.replace(',', '.')}" if self.demos_variation else "")
 
-    def _learned(self, name: str) -> str:
-        name = self.demonstrated(name)
+    def _with_training_suffix(self, name: str) -> str:
+        name = self.with_demos_suffix(name)
         return f"{name}_on_{self.trained_on.replace(',', '.')}" if self.trained_on else name
 
 
@@ -210,7 +212,7 @@ class BenchmarkResult(Record):
     open_loop: tuple[Episode, ...]
 
     @model_validator(mode="after")
-    def _belongs_together(self) -> Self:
+    def _check_consistency(self) -> Self:
         seeds = [*range(self.config.first_seed, self.config.first_seed + self.config.test_episodes)]
         for name, episodes in (("episodes", self.episodes), ("expert", self.expert)):
             same = [episode.seed for episode in episodes] == seeds

@@ -84,7 +84,7 @@ class EvaluationRecord(EvaluationHead):
         return self.model_copy(update={"episodes": episodes})
 
 
-def perturbed(name: str, perturb: str) -> str:
+def with_perturb_suffix(name: str, perturb: str) -> str:
     """A name with the perturbations of its world, `AXIS:LEVEL,...`; the name itself in the nominal world."""
     return f"{name}_{perturb.replace(':', '')}" if perturb else name
 
@@ -92,7 +92,7 @@ def perturbed(name: str, perturb: str) -> str:
 def eval_key(task: str, variation: str | int, perturb: str, setting: str = STANDARD) -> str:
     """Name of what a policy is scored on: a task, or one variation of it, with its setting and perturbations."""
     name = task if setting == STANDARD else f"{task}_{setting}"
-    return perturbed(name if variation == "any" else f"{name}_{variation}", perturb)
+    return with_perturb_suffix(name if variation == "any" else f"{name}_{variation}", perturb)
 
 
 def result_versions() -> dict[str, str]:

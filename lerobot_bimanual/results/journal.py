@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import UnwritableOutput, bring_to_disk, keep_others_out
+from lerobot_bimanual.files import UnwritableOutput, fsync_path, lock_exclusively
 from lerobot_bimanual.results.record import BadRecord, Record
 
 MAX_JOURNAL_BYTES = 2**30
@@ -33,7 +33,7 @@ class Journal[Entry: Record]:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("a+b", buffering=0)
             if exclusive:
-                keep_others_out(self._file.fileno(), path)
+                lock_exclusively(self._file.fileno(), path)
             if self._file.seek(0, os.SEEK_END) > MAX_JOURNAL_BYTES:
                 raise BimanualError(f"{path} is larger than any list of episodes: remove it")
             self._file.seek(0)
@@ -58,7 +58,7 @@ class Journal[Entry: Record]:
         self.header, self._lines = header, []
         try:
             self._file.truncate(0)
-            bring_to_disk(self.path.parent)
+            fsync_path(self.path.parent)
         except OSError as error:
             raise UnwritableOutput(self.path, error.strerror or str(error)) from error
         self._append(header)

@@ -142,7 +142,7 @@ class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
 
     @model_validator(mode="after")
-    def _belongs_together(self) -> Self:
+    def _check_consistency(self) -> Self:
         require(self.conditions and not self.nominal.axis, "the nominal condition must come first")
         seeds = [*range(self.config.first_seed, self.config.first_seed + self.config.episodes)]
         for each in self.conditions:

@@ -18,7 +18,7 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey
 from lerobot_bimanual.distributions import installed_versions
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import BenchmarkResult, BenchmarkSettings
-from lerobot_bimanual.results.evaluation import perturbed
+from lerobot_bimanual.results.evaluation import with_perturb_suffix
 from lerobot_bimanual.results.protocols import PROTOCOLS
 
 OTHER_WORLD, OUTCOMES = "ba9876543210", {"expert": "xxxx", "open_loop": "x...", "val": ".x", "test": "xx.."}
@@ -84,7 +84,7 @@ class Programs:
         }
         played = (each.model_copy(update={"variation": -each.seed % 3}) for each in proved(outcomes))
         record |= {"versions": installed_versions() | {"torch": "1.0"}, "episodes": tuple(played)}
-        path = folder / f"{perturbed('lift_ball', perturb)}_{split}_record.json"
+        path = folder / f"{with_perturb_suffix('lift_ball', perturb)}_{split}_record.json"
         RESULT.evaluation.model_copy(update=record).write(path)
 
 

@@ -12,7 +12,7 @@ import pytest
 from lerobot_bimanual import resources
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import UnwritableOutput, move_durably, read_yaml, share_files, write_file
-from lerobot_bimanual.interrupts import end_when_parent_ends, unwound_by_termination
+from lerobot_bimanual.interrupts import end_when_parent_ends, termination_as_system_exit
 
 KILLED_WHILE_WRITING = """
 import os, sys
@@ -152,7 +152,7 @@ def becomes_another_error() -> None:
 @pytest.mark.timeout(30, method="thread")  # the alarm is in use
 @pytest.mark.parametrize("termination", [is_swallowed, becomes_another_error])
 def test_a_termination_is_answered_even_if_its_exception(termination):
-    with pytest.raises(SystemExit) as exit_, unwound_by_termination():
+    with pytest.raises(SystemExit) as exit_, termination_as_system_exit():
         termination()
     assert exit_.value.code == 128 + signal.SIGTERM
 

@@ -17,7 +17,7 @@ import lerobot_bimanual.dataset.reader  # noqa: F401
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.errors import MAX_TEXT, BimanualError
-from lerobot_bimanual.pages import markdown
+from lerobot_bimanual.pages import escape_markdown
 from lerobot_bimanual.reports.benchmark_page import benchmark_page
 from lerobot_bimanual.reports.robustness import expert_robustness_page, print_robustness
 from lerobot_bimanual.results.benchmark import Machine
@@ -145,9 +145,9 @@ def test_no_record_with_texts_is_left_out():
 
 
 def test_code_and_emphasis_stay_and_all_else_is_text_in_markdown():
-    assert markdown("`camera_moved` **12** 95 % ± 1") == "`camera_moved` **12** 95 % ± 1"
-    assert markdown("a|b <c> [d](e)") == "a&#124;b &#60;c&#62; &#91;d&#93;(e)"
-    assert markdown("`a<b`") == "&#96;a&#60;b&#96;"
+    assert escape_markdown("`camera_moved` **12** 95 % ± 1") == "`camera_moved` **12** 95 % ± 1"
+    assert escape_markdown("a|b <c> [d](e)") == "a&#124;b &#60;c&#62; &#91;d&#93;(e)"
+    assert escape_markdown("`a<b`") == "&#96;a&#60;b&#96;"
 
 
 def test_the_next_command_is_one_plain_line(capsys: pytest.CaptureFixture[str]) -> None:

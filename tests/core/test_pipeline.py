@@ -16,7 +16,7 @@ from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import Recipe, option_text, option_value
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.files import owned
+from lerobot_bimanual.files import locked
 
 NEW_TRAINING = ["lerobot-train", "--steps=4"]
 RESUMED = ["--trust_checkpoint=true", "--resume=true"]
@@ -62,7 +62,7 @@ def test_a_command_runs_again_when_its_words_output_or_input_changed(tmp_path, p
 
 
 def test_a_second_process_in_the_same_folder_is_refused(tmp_path, pipeline):
-    with owned(tmp_path / "chain"), pytest.raises(BimanualError, match="by another process; wait for it"):
+    with locked(tmp_path / "chain"), pytest.raises(BimanualError, match="by another process; wait for it"):
         pipeline.run(counting(tmp_path))
     pipeline.run(counting(tmp_path))
     assert count(tmp_path) == 1
@@ -96,8 +96,8 @@ def test_only_a_judging_command_that_wrote_its_output_and_exits_with_1_has_succe
     output.touch()  # an old verdict does not hide a failure
     for more in ("raise SystemExit(1)", f"{writing}; raise SystemExit(3)"):
         with pytest.raises(BimanualError, match="exit code"):
-            pipeline.run(counting(tmp_path, more, output=output, judges=True))
-    judging = counting(tmp_path, f"{writing}; raise SystemExit(1)", output=output, judges=True)
+            pipeline.run(counting(tmp_path, more, output=output, allows_exit_code_1=True))
+    judging = counting(tmp_path, f"{writing}; raise SystemExit(1)", output=output, allows_exit_code_1=True)
     pipeline.run(judging)
     pipeline.run(judging)
     assert count(tmp_path) == 3

@@ -2,7 +2,7 @@
 
 import coordination
 import pytest
-from adversaries.ways import DOES_IT, NO_WAY_KNOWN, one_armed, tally
+from adversaries.ways import SOLVED_BY_ONE_ARM, UNSOLVED_BY_ONE_ARM, one_armed, tally
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.joint_action import by_arm
@@ -15,7 +15,7 @@ from lerobot_env_bimanual.tasks.registry import list_tasks
 pytestmark = pytest.mark.weekly
 
 
-@pytest.mark.parametrize(("task", "arm"), DOES_IT)
+@pytest.mark.parametrize(("task", "arm"), SOLVED_BY_ONE_ARM)
 def test_one_arm_does_a_task_that_needs_no_two_while_the_other_stays_at_home(task, arm):
     env = BimanualEnv(task, obs="state", split="test")
     assert any(run_episode(env, seed, one_armed(Arm(arm))).success for seed in range(61_000, 61_004))
@@ -25,7 +25,7 @@ def test_one_arm_does_a_task_that_needs_no_two_while_the_other_stays_at_home(tas
     assert commanded[-1] == 1
 
 
-@pytest.mark.parametrize(("task", "arm"), NO_WAY_KNOWN)
+@pytest.mark.parametrize(("task", "arm"), UNSOLVED_BY_ONE_ARM)
 def test_no_known_way_does_a_task_with_one_arm(task, arm):
     solved, but_for_the_way = tally(task, Arm(arm), range(1_200_000, 1_200_003))
     assert not solved

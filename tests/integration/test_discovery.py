@@ -7,7 +7,7 @@ import pytest
 from programs import run
 
 from lerobot_bimanual.cli import lerobot_program
-from lerobot_bimanual.cli.lerobot_flags import is_trusted, without_ours
+from lerobot_bimanual.cli.lerobot_flags import is_trusted, strip_plugin_flags
 
 DISCOVER = """
 import json, sys
@@ -55,7 +55,7 @@ def test_lerobot_finds_environment_policies_and_robot_and_loads_neither_mujoco_n
 def test_lerobot_gets_none_of_our_flags(ours, trusted) -> None:
     lerobots = ["--policy.path=a", "--steps", "3"]
     for words in ([*ours, *lerobots], [*lerobots, *ours]):
-        assert without_ours(words) == lerobots
+        assert strip_plugin_flags(words) == lerobots
         assert is_trusted(words) is trusted
 
 

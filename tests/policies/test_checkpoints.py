@@ -23,7 +23,7 @@ from safetensors.torch import load_file, save_file
 from lerobot_bimanual import cli
 from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual.checkpoint.check import SAFE_POLICIES, check_checkpoint
-from lerobot_policy_bimanual.checkpoint.steps import SAFE_STEPS, NotSafeToSay, step_names
+from lerobot_policy_bimanual.checkpoint.steps import SAFE_STEPS, UnverifiableCheckpoint, step_names
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.inspection.loading import load_policy
 
@@ -189,7 +189,9 @@ def test_a_sound_checkpoint_is_described_and_loaded_strictly(
 def test_what_may_look_something_up_is_not_called_safe(checkpoint, specimens):
     for name in PreTrainedConfig.get_known_choices().keys() - SAFE_POLICIES - specimens.keys():
         config(type=name, vlm_model_name="evil/repo")(checkpoint)
-        with pytest.raises(NotSafeToSay, match=f"policy '{name}' .*vlm_model_name='evil/repo' by name"):
+        with pytest.raises(
+            UnverifiableCheckpoint, match=f"policy '{name}' .*vlm_model_name='evil/repo' by name"
+        ):
             check_checkpoint(checkpoint)
 
 
@@ -197,7 +199,9 @@ def test_no_step_that_lerobot_registers_is_safe_but_those_on_the_list(tmp_path):
     for name in set(ProcessorStepRegistry.list()) - SAFE_STEPS.keys():
         options = {"action_tokenizer_name": "evil/repo"}
         processor = {"name": "x", "steps": [{"registry_name": name, "config": options}]}
-        with pytest.raises(NotSafeToSay, match=f"the step '{name}' loads action_tokenizer_name='evil/repo'"):
+        with pytest.raises(
+            UnverifiableCheckpoint, match=f"the step '{name}' loads action_tokenizer_name='evil/repo'"
+        ):
             step_names(tmp_path, processor)
 
 

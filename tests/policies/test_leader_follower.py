@@ -37,7 +37,7 @@ def told_to_follower(policy: KeyposePolicy) -> list[Tensor]:
 
 def numbers(policy: KeyposePolicy, bins: KeyposeBins, arm) -> Tensor:
     """What the follower should be told of an arm's bins: where in the workspace, which angles, which flags."""
-    position = policy.codec.voxel_centers(bins.place)[:, arm.ordinal]
+    position = policy.codec.voxel_centers(bins.voxel_position)[:, arm.ordinal]
     lower, upper = torch.tensor(policy.config.workspace_lower), torch.tensor(policy.config.workspace_upper)
     angles_deg = bins.rotation[:, arm.ordinal] * policy.config.rotation_bin_deg - 180
     flags = torch.stack([bins.gripper_open, bins.ignore_collisions], dim=-1)[:, arm.ordinal]
@@ -71,8 +71,10 @@ def test_a_follower_cannot_tell_in_which_of_two_voxels_a_label_on_their_border_i
     told, batch = told_to_follower(policy), make_batch()
     observation, target = policy.observe(batch), policy.target_bins(batch[ACTION])
     for side in (-1e-6, 1e-6):
-        place = target.voxel + 0.5 + side
-        policy.predict(observation, replace(target, voxel=place.round().long(), place=place))
+        voxel_position = target.voxel + 0.5 + side
+        policy.predict(
+            observation, replace(target, voxel=voxel_position.round().long(), voxel_position=voxel_position)
+        )
     torch.testing.assert_close(*told, atol=1e-5, rtol=0)
 
 

@@ -21,7 +21,7 @@ from lerobot_bimanual.dataset.checksums import checksum_problems
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import PROVENANCE_FILE, VIEWS
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_bimanual.files import move_durably, owned
+from lerobot_bimanual.files import locked, move_durably
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings, Origin
 
@@ -38,7 +38,7 @@ LEFTOVERS = (TEMPORARY, f".{ORIGIN}.")
 
 @dataclass(frozen=True)
 class Staging:
-    """The staging folder of one dataset, owned by this process; see `staged`.
+    """The staging folder of one dataset, locked by this process; see `staged`.
 
     Attributes:
         root: where the dataset will be; of a link, the folder that it leads to.
@@ -139,7 +139,7 @@ def staged(root: Path, settings: GenerationSettings) -> Iterator[Staging]:
                 f"{folder / foreign[0]} was not made by this command: move it away, since {folder.name} is removed when "
                 "the dataset is complete"
             )
-    with owned(folder):
+    with locked(folder):
         try:
             with plain_write_errors(folder):
                 for leftover in [path for path in folder.iterdir() if path.name.startswith(LEFTOVERS)]:

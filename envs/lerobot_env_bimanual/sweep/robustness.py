@@ -9,7 +9,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import owned
+from lerobot_bimanual.files import locked
 from lerobot_bimanual.results.evaluation import result_versions
 from lerobot_bimanual.results.robustness import (
     ConditionKey,
@@ -97,7 +97,7 @@ class PolicySweep:
                 another process plays this sweep.
         """
         self._check_worlds()
-        with owned(self.records):
+        with locked(self.records):
             yield from self._run()
 
     def _run(self) -> Iterator[PolicyCondition]:

@@ -22,7 +22,7 @@ from lerobot_bimanual.errors import BimanualError, plain, shown
 from lerobot_bimanual.files import read_json
 from lerobot_policy_bimanual.checkpoint.steps import (
     Feature,
-    NotSafeToSay,
+    UnverifiableCheckpoint,
     check_classes,
     check_weights,
     options_text,
@@ -57,7 +57,7 @@ def check_checkpoint(folder: Path) -> CheckedCheckpoint:
 
     Raises:
         CheckpointError: something is missing, damaged, unknown or does not fit.
-        NotSafeToSay: a policy, a step or an option may load something by name.
+        UnverifiableCheckpoint: a policy, a step or an option may load something by name.
     """
     require_checkpoint(folder)
     try:
@@ -91,7 +91,7 @@ def _read_config(file: Path) -> PreTrainedConfig:
         looked_up = {
             key: value for key, value in values.items() if isinstance(value, str) and LOADED.search(key)
         }
-        raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text(looked_up))
+        raise UnverifiableCheckpoint(f"{file}: the policy {shown(name)}", options_text(looked_up))
     encoder = values.get("language_encoder", LEARNED_LANGUAGE)
     try:
         for side in ("input_features", "output_features"):
@@ -104,5 +104,7 @@ def _read_config(file: Path) -> PreTrainedConfig:
     if config.use_peft:
         raise CheckpointError(f"{file}: use_peft is true, but adapters cannot be checked")
     if encoder not in SELF_CONTAINED:
-        raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text({"language_encoder": encoder}))
+        raise UnverifiableCheckpoint(
+            f"{file}: the policy {shown(name)}", options_text({"language_encoder": encoder})
+        )
     return config

@@ -23,7 +23,7 @@ MAX_NUMBERS = 2**24
 """Of an input or output; an RGB image of 2365 x 2365 pixels has as many."""
 
 
-class NotSafeToSay(CheckpointError):
+class UnverifiableCheckpoint(CheckpointError):
     """A checkpoint of which a part may load something by name.
 
     Args:
@@ -104,7 +104,7 @@ def step_names(file: Path, processor: object) -> list[str]:
 
     Raises:
         CheckpointError: the file is malformed, or an option or a tensor is.
-        NotSafeToSay: a step or an option may load something by name.
+        UnverifiableCheckpoint: a step or an option may load something by name.
     """
     try:
         steps = _Processor.from_json(json.dumps(processor)).steps
@@ -129,7 +129,7 @@ def _check_options(file: Path, step: _Step) -> None:
     known = kind.model_fields if kind else not_texts
     unknown = {key: value for key, value in step.config.items() if key not in known}
     if kind is None or unknown:
-        raise NotSafeToSay(f"{file}: the step {shown(step.registry_name)}", options_text(unknown))
+        raise UnverifiableCheckpoint(f"{file}: the step {shown(step.registry_name)}", options_text(unknown))
     kind.from_json(json.dumps(step.config))
 
 

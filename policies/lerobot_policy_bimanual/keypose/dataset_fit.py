@@ -24,7 +24,7 @@ from lerobot_policy_bimanual.keypose.fields import check_fields
 CODE_HORIZON = 25
 """`keypose_horizon` of PerAct2's code, for all tasks."""
 
-DECIDED = (
+FIELDS_FIXED_BY_TRAINING = (
     *("workspace_lower", "workspace_upper", "use_keypose_step", "keypose_horizon"),
     *("voxel_size", "heads", "leader", "point_radius", "projection_dilations"),
     *("heatmap_dilations", "heatmap_fusion", "fine_stage_zoom"),
@@ -38,9 +38,9 @@ def compare_with_checkpoint(config: PreTrainedConfig, trained: PreTrainedConfig,
     """Compare the config that a checkpoint is loaded with, flags included, with the one that it was saved with.
 
     Raises:
-        BadConfig: a field among `DECIDED` differs.
+        BadConfig: a field among `FIELDS_FIXED_BY_TRAINING` differs.
     """
-    for name in DECIDED:
+    for name in FIELDS_FIXED_BY_TRAINING:
         values = (getattr(each, name, None) for each in (config, trained))
         found, wanted = (tuple(value) if isinstance(value, list) else value for value in values)
         if found != wanted:

@@ -19,7 +19,7 @@ def keypose_losses(prediction: KeyposePrediction, target: KeyposeBins) -> dict[s
 
     The training loss is their plain sum, averaged over the batch (PerAct2 paper and code: all weights are 1).
     """
-    offset = target.place - target.voxel
+    offset = target.voxel_position - target.voxel
     return {
         "translation": prediction.translation.cross_entropy(target.voxel, offset).sum(dim=1),
         "rotation": _cross_entropy(prediction.rotation, target.rotation),

@@ -218,7 +218,7 @@ class KeyposePolicy(PreTrainedPolicy):
         best = prediction.best()
         if self.config.decode == "voxel":
             return self.codec.decode(best)
-        return self.codec.assemble(self.codec.voxel_centers(best.place), best)
+        return self.codec.assemble(self.codec.voxel_centers(best.voxel_position), best)
 
 
 def _make_language(config: KeyposePolicyConfig) -> nn.Module:

@@ -50,7 +50,7 @@ class LeaderFollower(nn.Module):
         proprio_dim: numbers of proprioception per arm, without the leader's keypose.
         leader: the arm that decides first.
         codec: the discretisation of keyposes.
-        mark: adds a channel to a scene that marks places (b, 3) in voxels, see `near`; None for the paper's follower, which has the
+        mark: adds a channel to a scene that marks places (b, 3) in voxels, see `gaussian_1d`; None for the paper's follower, which has the
             numbers only. `make_network` then also gets `goal_channels=1`.
     """
 
@@ -89,10 +89,12 @@ class LeaderFollower(nn.Module):
         bodies = dict(zip(ARMS, proprio.chunk(len(ARMS), dim=-1), strict=True))
         targets = {arm: None if target is None else one_arm(target, arm) for arm in ARMS}
         leader = self.leader(scene, bodies[leading], language, targets[leading])
-        with full_precision(proprio.device):  # a place in half precision would be rounded to parts of a voxel
+        with full_precision(
+            proprio.device
+        ):  # in half precision a position would be rounded to parts of a voxel
             goal = targets[leading] or leader.best()
         told = torch.cat([bodies[following], self._numbers(goal)], dim=-1)
-        seen = scene if self.mark is None else self.mark(scene, goal.place[:, 0])
+        seen = scene if self.mark is None else self.mark(scene, goal.voxel_position[:, 0])
         follower = self.follower(seen, told, language, targets[following])
         predictions = {leading: leader, following: follower}
         return join_arms([predictions[arm] for arm in ARMS])
@@ -104,7 +106,7 @@ class LeaderFollower(nn.Module):
         """
         return torch.cat(
             [
-                (2 * keypose.place + 1) / self.codec.voxels - 1,  # within the workspace
+                (2 * keypose.voxel_position + 1) / self.codec.voxels - 1,  # within the workspace
                 2 * keypose.rotation / self.codec.rotation_bins - 1,  # the angle in half turns
                 2.0 * keypose.gripper_open[..., None] - 1,
                 2.0 * keypose.ignore_collisions[..., None] - 1,

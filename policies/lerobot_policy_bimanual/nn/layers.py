@@ -117,7 +117,7 @@ class LanguageFilters(nn.Linear):
         return super().forward(input.mean(dim=1)).unflatten(1, self.shape)
 
 
-def near(index: Tensor, size: int) -> Tensor:
+def gaussian_1d(index: Tensor, size: int) -> Tensor:
     """Closeness (..., size) float32 of the positions 0 to `size` - 1 of an axis to positions `index` (...).
 
     1 at the position itself, falling off as a Gaussian with standard deviation `GOAL_SIGMA`.

@@ -89,7 +89,7 @@ class KeyposePrediction:
             rotation=self.rotation.argmax(dim=-1),
             gripper_open=self.gripper_open.argmax(dim=-1),
             ignore_collisions=self.ignore_collisions.argmax(dim=-1),
-            place=candidates.local_mean().detach(),
+            voxel_position=candidates.local_mean().detach(),
         )
 
 

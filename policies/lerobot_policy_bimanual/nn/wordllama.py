@@ -3,7 +3,7 @@
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from lerobot_bimanual.distributions import location
+from lerobot_bimanual.distributions import module_path
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.nn.language import MAX_WORDS, WORD_DIM, LearnedLanguage
 
@@ -28,7 +28,9 @@ class WordllamaLanguage(LearnedLanguage):
             from safetensors.torch import load_file
             from tokenizers import Tokenizer
 
-            folder = location("wordllama")  # not imported: that takes a second and looks for files on the Hub
+            folder = module_path(
+                "wordllama"
+            )  # not imported: that takes a second and looks for files on the Hub
             if folder is None:
                 raise ModuleNotFoundError("No module named 'wordllama'")
             self._tokenizer = Tokenizer.from_file(str(folder / TOKENIZER_FILE))

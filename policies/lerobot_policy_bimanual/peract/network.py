@@ -106,7 +106,7 @@ class PerActNetwork(nn.Module):
         self.translation: Any = head(config, arms=arms)
         features, outputs = self.translation.feature_dim, 3 * config.codec.rotation_bins + 2 + 2
         self.pose_heads = nn.ModuleList(_mlp(features, *HIDDEN, outputs) for _ in range(arms))
-        self.goal = GoalOfOther(token_dim, self.patches) if joint else None
+        self.goal = FirstArmGoalEncoder(token_dim, self.patches) if joint else None
         if config.compile:
             self.compile()  # in place: the names in the checkpoint stay the same
 
@@ -126,8 +126,10 @@ class PerActNetwork(nn.Module):
         filters = None if self.language_filters is None else self.language_filters(language)
         stem, patches = self.translation.read(grid, self.stem, self.patchify, filters)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
-        body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
-        voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim), half of it from the patches
+        proprio_features = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
+        voxel_tokens = torch.cat(
+            [patches, proprio_features], dim=-1
+        )  # (b, p^3, token_dim), half of it from the patches
         tokens = torch.cat([self.language(language), voxel_tokens], dim=1) + self.positions
         # Only voxel tokens are queries; the reference also queries language tokens and drops their answers.
         answers = self.perceiver(tokens, tokens[:, language.shape[1] :])  # (b, arms, p^3, token_dim)
@@ -143,7 +145,7 @@ class PerActNetwork(nn.Module):
         return KeyposePrediction.of_logits(translation, logits)
 
 
-class GoalOfOther(nn.Module):
+class FirstArmGoalEncoder(nn.Module):
     """Tells the second arm, at every patch, where the first arm's goal lies from there.
 
     The arms' voxels are drawn from p(first) p(second | first) instead of a product of marginals.

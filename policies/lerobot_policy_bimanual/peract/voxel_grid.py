@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from lerobot_bimanual.geometry.workspace import Workspace
-from lerobot_policy_bimanual.nn.layers import near
+from lerobot_policy_bimanual.nn.layers import gaussian_1d
 
 GRID_CHANNELS = 10
 """Mean xyz [m], mean RGB in [-1, 1], voxel index / voxels, occupancy 0 or 1 (PerAct2 code)."""
@@ -61,6 +61,6 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
 
 def with_goal(grid: Tensor, place: Tensor) -> Tensor:
     """Append a channel to a grid (b, c, v, v, v): 1 at places (b, 3) in voxels, less around them."""
-    x, y, z = near(place, grid.shape[-1]).to(grid.dtype).unbind(1)
+    x, y, z = gaussian_1d(place, grid.shape[-1]).to(grid.dtype).unbind(1)
     mark = x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]
     return torch.cat([grid, mark[:, None]], dim=1)

@@ -109,8 +109,8 @@ class RVTNetwork(nn.Module):
     def _attend(self, patches: Tensor, proprio: Tensor, language: Tensor) -> Tensor:
         """The transformer's features (b 5, token_dim, p, p) of patches (b 5, p^2, token_dim / 2); the rest as in `forward`."""
         patches = patches.unflatten(0, (-1, len(VIEWS))).flatten(1, 2)  # (b, 5 p^2, token_dim / 2)
-        body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
-        images = self.widen(torch.cat([patches, body], dim=-1) + self.positions)
+        proprio_features = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
+        images = self.widen(torch.cat([patches, proprio_features], dim=-1) + self.positions)
         words = self.widen(self.language(language))
         images = images.unflatten(1, (len(VIEWS), -1)).flatten(0, 1)  # (b 5, p^2, attention_dim)
         images = self.within_views(images).unflatten(0, (-1, len(VIEWS))).flatten(1, 2)

@@ -91,7 +91,7 @@ def _nearest_points(
         row, column = _along(cells, view.row, size), _along(cells, view.column, size)
         key = (_along(depths, view.depth, 2**DEPTH_BITS) << low_bits) | low
         image.scatter_reduce_(0, (sample * size + row) * size + column, key, "amin")
-    keys = _grow(keys.view(len(VIEWS), -1, size, size).transpose(0, 1), radius * size / 2, nothing)
+    keys = _splat_discs(keys.view(len(VIEWS), -1, size, size).transpose(0, 1), radius * size / 2, nothing)
     index = (keys & ((1 << index_bits) - 1)) + first[:, None, None, None]
     return index.masked_fill_(keys == nothing, -1)
 
@@ -101,7 +101,7 @@ def _along(coordinates: Tensor, axis: int, size: int) -> Tensor:
     return size - 1 - coordinates[axis - MINUS_X] if axis >= MINUS_X else coordinates[axis]
 
 
-def _grow(keys: Tensor, radius_px: float, nothing: int) -> Tensor:
+def _splat_discs(keys: Tensor, radius_px: float, nothing: int) -> Tensor:
     """Smallest key (b, views, size, size) within a disc around every pixel.
 
     All points have the same disc around the centre of their pixel, so only the nearest one of each pixel matters.

@@ -54,7 +54,7 @@ class StagedRVT(nn.Module):
         if self.fine is None:
             return coarse
         if self.training and target is not None:
-            label = target.place[:, 0]
+            label = target.voxel_position[:, 0]
             middle = label + JITTER * self.half_view * (2 * torch.rand_like(label) - 1)
         else:
             middle = coarse.translation.candidates().local_mean()[:, 0]
@@ -90,8 +90,10 @@ class FineTranslation:
     def of(cls, coarse: ProductTranslation, fine: ProductTranslation, middle: Tensor, zoom: int) -> Self:
         """Multiply `fine`, which is from zoomed-in views alone, by `coarse`: in free space the zoomed-in views see nothing."""
         size = fine.planes[0].shape[-1]
-        place = reduced(torch.arange(size, device=middle.device)[:, None], middle, zoom, size)  # (b, v, 3)
-        x, y, z = cubic_weights(place.mT, size)[:, :, None].unbind(1)  # (b, 1, v, v) each
+        voxel_position = reduced(
+            torch.arange(size, device=middle.device)[:, None], middle, zoom, size
+        )  # (b, v, 3)
+        x, y, z = cubic_weights(voxel_position.mT, size)[:, :, None].unbind(1)  # (b, 1, v, v) each
         axes = ((x, y), (x, z), (y, z))
         with full_precision(middle.device):
             planes = tuple(
@@ -103,16 +105,20 @@ class FineTranslation:
     def cross_entropy(self, voxel: Tensor, offset: Tensor) -> Tensor:
         """Sum (b, 1) of the cross-entropies of both stages; targets outside the surroundings count as at their border."""
         size = self.fine.planes[0].shape[-1]
-        place = magnified(voxel + offset, self.middle, self.zoom, size).clamp(0, size - 1)
-        fine = place.round()
-        return self.coarse.cross_entropy(voxel, offset) + self.fine.cross_entropy(fine.long(), place - fine)
+        voxel_position = magnified(voxel + offset, self.middle, self.zoom, size).clamp(0, size - 1)
+        fine = voxel_position.round()
+        return self.coarse.cross_entropy(voxel, offset) + self.fine.cross_entropy(
+            fine.long(), voxel_position - fine
+        )
 
     def candidates(self) -> VoxelCandidates:
         """The candidates of the fine stage, in coarse voxels."""
         found = self.fine.candidates()
-        place = reduced(found.voxel, self.middle[:, :, None], self.zoom, self.fine.planes[0].shape[-1])
-        voxel = place.round().long()
-        return VoxelCandidates(voxel, found.score, place - voxel)
+        voxel_position = reduced(
+            found.voxel, self.middle[:, :, None], self.zoom, self.fine.planes[0].shape[-1]
+        )
+        voxel = voxel_position.round().long()
+        return VoxelCandidates(voxel, found.score, voxel_position - voxel)
 
     def probabilities(self) -> Tensor:
         """Probabilities (b, 1, v, v, v) of the coarse voxels: those of the best fine voxel in each, scaled to add up to 1."""
@@ -125,13 +131,15 @@ class FineTranslation:
         return (best / best.sum(dim=1, keepdim=True)).view_as(fine)
 
 
-def cubic_weights(place: Tensor, size: int) -> Tensor:
+def cubic_weights(voxel_position: Tensor, size: int) -> Tensor:
     """Weights (..., size) with which samples at 0, 1, ... interpolate a smooth function at places (...).
 
     Cubic convolution (Keys, 1981): exact between the samples of a parabola, which the logarithm of a Gaussian is, so that its
     peak may lie between them. Near the ends, the weights of missing samples go to the others.
     """
-    step = (place.clamp(0, size - 1)[..., None] - torch.arange(size, device=place.device)).abs()
+    step = (
+        voxel_position.clamp(0, size - 1)[..., None] - torch.arange(size, device=voxel_position.device)
+    ).abs()
     near = (1.5 * step - 2.5) * step**2 + 1
     far = ((2.5 - 0.5 * step) * step - 4) * step + 2
     weights = torch.where(step < 1, near, far) * (step < 2)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from lerobot_policy_bimanual.nn.layers import near
+from lerobot_policy_bimanual.nn.layers import gaussian_1d
 
 X, Y, Z, MINUS_X, MINUS_Y, MINUS_Z = range(6)
 """Signed axes of the workspace, as indices into coordinates followed by mirrored coordinates."""
@@ -55,7 +55,9 @@ def pixels_of_voxels(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
 
 def with_mark(images: Tensor, place: Tensor) -> Tensor:
     """Views (b, views, c, size, size) and, behind their channels, one that is 1 where places (b, 3) are seen and falls off."""
-    rows, columns = (near(pixels, images.shape[-1]) for pixels in pixels_of_voxels(place, images.shape[-1]))
+    rows, columns = (
+        gaussian_1d(pixels, images.shape[-1]) for pixels in pixels_of_voxels(place, images.shape[-1])
+    )
     mark = (rows[..., :, None] * columns[..., None, :]).to(images.dtype)  # (b, views, size, size)
     return torch.cat([images, mark[:, :, None]], dim=2)
 

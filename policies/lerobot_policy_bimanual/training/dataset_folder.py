@@ -5,7 +5,7 @@ from pathlib import Path
 
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import Provenance, check_version
-from lerobot_bimanual.dataset.reader import INFO_FILE, no_dataset, read_info, views_below
+from lerobot_bimanual.dataset.reader import INFO_FILE, missing_dataset_error, read_info, views_below
 from lerobot_bimanual.errors import DatasetError
 
 
@@ -28,7 +28,9 @@ def check_dataset(root: Path, episodes: Sequence[int] = (0,)) -> None:
             "policies of joint actions from `frames`"
         )
     if not (root / INFO_FILE).is_file():
-        raise no_dataset(root, "--dataset.root", ". To train on one of the Hub, leave out --dataset.root")
+        raise missing_dataset_error(
+            root, "--dataset.root", ". To train on one of the Hub, leave out --dataset.root"
+        )
     info = read_info(root)
     features = info["features"]
     check_version(features, root)

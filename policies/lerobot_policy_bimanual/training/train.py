@@ -106,7 +106,7 @@ class AcceleratorWithMemory:
         Raises:
             DatasetError: the rows of a loader do not fit into memory.
         """
-        numbers = [self._of_numbers(part) if isinstance(part, DataLoader) else part for part in parts]
+        numbers = [self._row_number_loader(part) if isinstance(part, DataLoader) else part for part in parts]
         prepared = self._accelerator().prepare(*numbers)
         self._is_prepared = True
         return tuple(
@@ -122,7 +122,7 @@ class AcceleratorWithMemory:
             if self._keep_last and self._is_prepared:
                 remove_older(Path(self._cfg.output_dir, "checkpoints"), self._keep_last)
 
-    def _of_numbers(self, loader: DataLoader) -> DataLoader:
+    def _row_number_loader(self, loader: DataLoader) -> DataLoader:
         """A loader of the numbers of the same rows, whose dataset is in memory."""
         rows, dataset = loader.dataset, _whole(loader.dataset)
         images = images_read(self._cfg, dataset.meta)
