@@ -178,9 +178,9 @@ class BimanualEnv(gym.Env):
         except BaseException as failure:  # nothing can be played from here, also after an interrupt
             progress.failure, progress.draws = str(failure) or repr(failure), MAX_DRAWS
             raise
-        progress.asked = progress.wanted = world.scene.commanded
+        progress.sent_action = progress.wanted = world.scene.commanded
         progress.on_the_way = on_the_way(self._conditions, world.scene, {})
-        progress.complete(self._conditions, world.scene)
+        progress.evaluate_all_conditions(self._conditions, world.scene)
         return self.observe(), progress.info()
 
     @contextmanager
@@ -234,7 +234,7 @@ class BimanualEnv(gym.Env):
         progress, truncated = self.progress, self._truncated and not self.progress.terminated
         if progress.terminated or truncated:
             self._finish_video()
-        progress.complete(self._conditions, self.scene)
+        progress.evaluate_all_conditions(self._conditions, self.scene)
         return self.observe(), float(progress.succeeded), progress.terminated, truncated, self.progress.info()
 
     @property
@@ -245,7 +245,7 @@ class BimanualEnv(gym.Env):
     def _execute(self, keypose: BimanualKeypose) -> None:
         progress = self.progress
         # A plan starts from where the arms were told to go, which a perturbation may have moved.
-        progress.asked = progress.wanted = self.scene.commanded
+        progress.sent_action = progress.wanted = self.scene.commanded
         plan = self._world.planner.plan(keypose, progress.rng)
         progress.line_fallbacks += plan.line_fallbacks
         for joint_action in (*plan.actions, *[plan.actions[-1]] * self.perturbations.late_ticks):
@@ -261,7 +261,7 @@ class BimanualEnv(gym.Env):
         joint_action = self._actions.limited(wanted, progress)
         for observer in self.tick_observers:
             observer(self, joint_action)
-        progress.ask(wanted, joint_action)
+        progress.record_action(wanted, joint_action)
         observers = self.step_observers if stop is None else [*self.step_observers, stop.note_step]
         scene.tick(self.perturbations.command(joint_action, scene, progress), observers)
         progress.ticks += 1

@@ -152,7 +152,7 @@ class Task(ABC):
         It is resumed after the previous stage has been executed or rehearsed, so it may read where things are then.
         """
 
-    def by_plan(self, variation: Variation, plan: int = 0) -> Script:
+    def script_for_plan(self, variation: Variation, plan: int = 0) -> Script:
         """The script that follows the plan with this number; scripts of tasks with several plans have an argument `plan`."""
         return partial(self.script, variation=variation, **({"plan": plan} if plan else {}))
 
@@ -160,14 +160,14 @@ class Task(ABC):
         """Conditions of success of one variation."""
         return self.spec.success
 
-    def reading(self, scene: SceneView, variation: Variation) -> Script | None:
+    def script_for_instruction(self, scene: SceneView, variation: Variation) -> Script | None:
         """The script that follows the instruction of another variation in this scene; None if the scene lacks its props.
 
         A task whose script assumes that the scene was placed for its variation overrides this method.
         """
         return partial(self.script, variation=variation)
 
-    def readings(self, scene: SceneView) -> list[Script]:
+    def scripts_for_all_instructions(self, scene: SceneView) -> list[Script]:
         """A script for every instruction that can be followed in the scene, in the order of the variations."""
-        scripts = (self.reading(scene, variation) for variation in self.spec.variations)
+        scripts = (self.script_for_instruction(scene, variation) for variation in self.spec.variations)
         return [script for script in scripts if script is not None]

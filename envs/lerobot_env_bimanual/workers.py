@@ -152,7 +152,7 @@ class WorkerPool:
                 for future in finished:
                     index, error = self._running.pop(future), future.exception()
                     if not isinstance(error, BrokenProcessPool):
-                        yield index, future.result() if error is None else told(error)
+                        yield index, future.result() if error is None else as_picklable_error(error)
                     elif is_retry:
                         yield index, WorkerDied(DEATH)
                     else:
@@ -241,14 +241,14 @@ def _prepare_fork_server() -> None:
 _prepare_fork_server()
 
 
-def end_of(process: BaseProcess) -> str:
+def exit_reason(process: BaseProcess) -> str:
     """How a process ended that is ending, in words."""
     process.join()
     code = process.exitcode or 0
     return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
-def told(error: BaseException) -> BimanualError:
+def as_picklable_error(error: BaseException) -> BimanualError:
     """An exception as an error that can travel between processes, with its traceback as a note."""
     if not isinstance(error, BimanualError):
         frames = traceback.extract_tb(error.__traceback__)
@@ -268,4 +268,4 @@ def _work(function: Callable[[Any], Any], item: Any) -> Any:
     try:
         return function(item)
     except Exception as error:
-        return told(error)
+        return as_picklable_error(error)

@@ -16,7 +16,7 @@ from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.task import Task, TaskSpec
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
-from lerobot_env_bimanual.world.contact_forces import ContactForces, felt
+from lerobot_env_bimanual.world.contact_forces import ContactForces, low_pass_filter
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK
@@ -54,7 +54,7 @@ class EpisodeReset:
         Raises:
             PlacementFailure: `MAX_DRAWS` draws in vain; the message counts the reasons.
         """
-        script = self._task.by_plan(progress.variation)
+        script = self._task.script_for_plan(progress.variation)
         reasons: Counter[str] = Counter()
         for draw in range(1, MAX_DRAWS + 1):
             self._drawn_in.reset()
@@ -100,7 +100,7 @@ class ProtectiveStop:
         """Fail the episode if an arm has pressed too hard for too long, up to this tick."""
         forces_n, _, _ = self._forces.take()
         # Only the steps of this tick: those of a tick that was interrupted may come before.
-        felt_n = felt(forces_n[-STEPS_PER_TICK:], progress.felt_n)
+        felt_n = low_pass_filter(forces_n[-STEPS_PER_TICK:], progress.felt_n)
         progress.felt_n = felt_n[-1]
         for pressed_n in np.linalg.norm(felt_n, axis=-1):
             progress.pressed_steps = (progress.pressed_steps + 1) * (pressed_n > self._max_force_n)

@@ -50,7 +50,7 @@ class UntimedEnv(BimanualEnv):
     def log_outcome(self) -> None:
         """Log the outcome of the episode so far."""
         progress = self.progress
-        progress.complete(self._conditions, self.scene)
+        progress.evaluate_all_conditions(self._conditions, self.scene)
         unmet = ", ".join(name for name, met in progress.conditions.items() if not met)
         verdict = "solved" if progress.succeeded else progress.failure or f"not solved, unmet: {unmet}"
         state = progress.ticks, self.state_hash()
@@ -150,7 +150,7 @@ class BimanualSim(Robot):
             raise
         self._env = env
         # LeRobot brings the arms back to their first posture; an axis of perturbation may have changed it.
-        self._homes = np.stack([HOME, env.progress.asked])
+        self._homes = np.stack([HOME, env.progress.sent_action])
 
     def get_observation(self) -> dict[str, Any]:
         """Joints in rad, openings 0..1, images uint8 (H, W, 3), depth uint16 (H, W, 1) in millimetres.

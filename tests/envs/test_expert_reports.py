@@ -14,7 +14,7 @@ from lerobot_env_bimanual.conditions import AtRest
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.report import MAX_RATES, make_report, violations
 from lerobot_env_bimanual.experts.runner import expert, run_episode
-from lerobot_env_bimanual.experts.world_version import VERSION_DIGITS, joint_version, world_version
+from lerobot_env_bimanual.experts.world_version import VERSION_DIGITS, combined_version, world_version
 from lerobot_env_bimanual.motion import planner
 from lerobot_env_bimanual.options import SETTINGS, STANDARD, VARIED
 from lerobot_env_bimanual.reports.expert_tables import (
@@ -206,7 +206,11 @@ def test_every_task_has_its_own_short_world_version_and_several_tasks_have_a_joi
     assert len(world_version(TASK)) == VERSION_DIGITS
     assert version_now() == world_version(TASK) != world_version("push_box")
     both = {"a": "1", "b": "2"}
-    assert joint_version(both) == joint_version(dict(reversed(both.items()))) != joint_version({"a": "1"})
+    assert (
+        combined_version(both)
+        == combined_version(dict(reversed(both.items())))
+        != combined_version({"a": "1"})
+    )
 
 
 SPEC = LiftBall.spec

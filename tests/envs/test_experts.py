@@ -22,7 +22,7 @@ from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_ep
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
-from lerobot_env_bimanual.world.contact_forces import felt
+from lerobot_env_bimanual.world.contact_forces import low_pass_filter
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, TICK_S
 
@@ -139,7 +139,10 @@ def test_one_of_the_readings_of_a_scene_is_the_right_one(env_of, name):
     env = env_of(name)
     for variation in get_task(name).spec.variations:
         env.reset(seed=0, options={"variation": variation.index})
-        first = [next(iter(script(env.scene))) for script in env.task_definition.readings(env.scene)]
+        first = [
+            next(iter(script(env.scene)))
+            for script in env.task_definition.scripts_for_all_instructions(env.scene)
+        ]
         expert = next(iter(env.task_definition.script(env.scene, variation)))
         poses = [_poses(stage) for stage in first]
         assert any(np.allclose(pose, _poses(expert)) for pose in poses)
@@ -228,8 +231,8 @@ def test_a_force_is_felt_in_full_if_it_lasts_and_faintly_if_it_is_a_knock():
     lasting, knock = np.zeros((2, 10 * STEPS_PER_TICK, 2, 3))
     lasting[:, 0, 2] = 50.0
     knock[7, 0, 2] = 50.0
-    assert felt(lasting).max() == pytest.approx(50.0, rel=1e-3)
-    assert 5.0 < felt(knock).max() < 7.0
+    assert low_pass_filter(lasting).max() == pytest.approx(50.0, rel=1e-3)
+    assert 5.0 < low_pass_filter(knock).max() < 7.0
 
 
 def test_every_number_has_a_bound_and_what_is_beyond_it_is_named():

@@ -130,7 +130,7 @@ def test_a_nudge_is_drawn_in_the_scene_that_larger_things_leave():
     stay = env.scene.commanded
     while not env.progress.disturbances:
         env.step(stay)
-    script = env.task_definition.by_plan(env.progress.variation)
+    script = env.task_definition.script_for_plan(env.progress.variation)
     assert Rehearsal(env.scene, CODECS).infeasibility(script) is None
 
 

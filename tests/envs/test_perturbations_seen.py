@@ -13,7 +13,7 @@ from test_env_episodes import hash_sequence
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.perturbations.axis import Moment, Start
+from lerobot_env_bimanual.perturbations.axis import HookContext, Start
 from lerobot_env_bimanual.perturbations.scene import colour_name, named_colours, paraphrases
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -93,11 +93,11 @@ def see(
     axis: Any = AXES.get(name)
     model = SimpleNamespace(camera=lambda _: SimpleNamespace(fovy=np.array([45.0])))
     world: Any = (SimpleNamespace(model=model), SimpleNamespace(memory={}))
-    start, moment = ((axis, axis.levels[level - 1], np.random.default_rng(seed + n), *world) for n in (0, 1))
+    start, context = ((axis, axis.levels[level - 1], np.random.default_rng(seed + n), *world) for n in (0, 1))
     if axis.begin:
         axis.begin(Start(*start, task=None, cameras=cameras, is_feasible=lambda: True))  # type: ignore[arg-type]
     image = (rgb, depth_m.astype(np.float32))
-    return {camera: axis.see(Moment(*moment), camera, tuple(map(np.copy, image))) for camera in cameras}
+    return {camera: axis.see(HookContext(*context), camera, tuple(map(np.copy, image))) for camera in cameras}
 
 
 GREY = np.full((256, 256, 3), 128, np.uint8)

@@ -8,7 +8,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.meshes import SEGMENTS, lathe, slab
 from lerobot_env_bimanual.props.model_file import ModelFile
-from lerobot_env_bimanual.props.prop import UNSEEN
+from lerobot_env_bimanual.props.prop import COLLISION_ONLY
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -35,7 +35,10 @@ def test_a_thing_from_a_file_has_its_meshes_and_falls_onto_the_table(tmp_path):
     path = tmp_path / "cup.xml"
     asset = '<compiler meshdir="meshes"/><asset><mesh name="cup" file="cup.obj"/></asset>'
     body = '<body name="any" pos="1 1 1"><geom type="mesh" mesh="cup" mass="0.1" group="{}"/></body>'
-    for group, drawn in ((1, 0), (4, UNSEEN["group"])):  # in which MuJoCo's own tools show a thing or not
+    for group, drawn in (
+        (1, 0),
+        (4, COLLISION_ONLY["group"]),
+    ):  # in which MuJoCo's own tools show a thing or not
         path.write_text(f"<mujoco>{asset}<worldbody>{body.format(group)}</worldbody></mujoco>")
         model = Scene([ModelFile("cup", str(path))]).model
         assert model.geom_group[model.geom_bodyid == model.body("cup").id] == [drawn]

@@ -22,7 +22,7 @@ from lerobot_env_bimanual.episode.observations import calibration
 from lerobot_env_bimanual.gl import MissingGL, mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.rendering.film import frame_of
+from lerobot_env_bimanual.rendering.film import zoomed_camera_fields
 from lerobot_env_bimanual.robots.panda_looks import COARSE, FINE
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.rendering import Renderer
@@ -107,7 +107,7 @@ def test_a_film_holds_what_moves_and_shows_it_larger(camera):
         scene.pose_arms(np.tile([0.0, 0.4, 0.0, -2.0, 0.0, 2.4, 0.8], (2, 1)))  # hands above the table
         states.append(scene.save_state())
     height, width = 480, 640
-    view, index = frame_of(scene, camera, states, (height, width)), scene.model.camera(camera).id
+    view, index = zoomed_camera_fields(scene, camera, states, (height, width)), scene.model.camera(camera).id
     assert view["cam_fovy"][index] < 0.9 * scene.model.cam_fovy[index]
     with applied(scene.model, scene.data, view):
         axes, eye = scene.data.cam_xmat[index].reshape(3, 3).copy(), scene.data.cam_xpos[index].copy()

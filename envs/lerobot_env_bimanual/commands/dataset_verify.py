@@ -154,7 +154,7 @@ class _ViewReport:
 
     def __init__(self, root: Path):
         from lerobot_bimanual.dataset.reader import RecordedDataset
-        from lerobot_env_bimanual.experts.world_version import other_simulation
+        from lerobot_env_bimanual.experts.world_version import simulation_difference
         from lerobot_env_bimanual.verification.fault import READABLE
         from lerobot_env_bimanual.verification.verifier import check_files
 
@@ -166,7 +166,7 @@ class _ViewReport:
             with found.of(READABLE):
                 dataset = RecordedDataset(root)
                 self.n_episodes, self.provenance = len(dataset), dataset.provenance
-                if difference := other_simulation(dataset.provenance):
+                if difference := simulation_difference(dataset.provenance):
                     self.remark = f"not replayed, so not passed: {difference}"
         self.add(None, found)
 

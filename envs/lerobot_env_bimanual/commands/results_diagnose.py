@@ -61,7 +61,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     from lerobot_env_bimanual.failures.attribution import FailureAttributor
     from lerobot_env_bimanual.failures.behaviour import behaviour
     from lerobot_env_bimanual.tasks.registry import get_task
-    from lerobot_env_bimanual.verification.episodes import found_in
+    from lerobot_env_bimanual.verification.episodes import map_episodes
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
 
     check_range("sample", config.sample, 0)
@@ -87,7 +87,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             failed = [episode for episode in episodes if not episode.success]
             chosen = sampled(failed, config.sample, config.sample_seed)
             named = {"name": lambda each, task=result.record.task: f"{task}, seed {each.seed}"}
-            found = found_in(FailureAttributor, result.record, chosen, pool, "failure attribution", **named)
+            found = map_episodes(
+                FailureAttributor, result.record, chosen, pool, "failure attribution", **named
+            )
             groups.setdefault(result.name, []).extend(found)
             played.setdefault(result.name, []).extend(episodes)
             expert_ticks.setdefault(result.name, {}).update(result.expert_ticks)
@@ -96,7 +98,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             task = result.record.task
             failures.setdefault(task, []).extend(source | asdict(one) for one in found)
             if len(get_task(task).spec.plans) > 1:
-                firsts = found_in(FirstChoices, result.record, episodes, pool, "first choices", **named)
+                firsts = map_episodes(FirstChoices, result.record, episodes, pool, "first choices", **named)
                 choices += [source | one for one in firsts if one is not None]
             say(f"{result.path}: {len(episodes)} episodes of {task}, {len(failed)} failed")
             _print_episodes(found)

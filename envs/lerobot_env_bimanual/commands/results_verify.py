@@ -36,7 +36,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
     """
     from lerobot_bimanual.distributions import other_c_library
     from lerobot_bimanual.results.record import result_paths
-    from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, found_in
+    from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, map_episodes
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
 
     check_range("sample", config.sample, 0)
@@ -50,7 +50,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
             result = ResultFile.read(path)
             episodes = sampled(result.record.episodes, config.sample, seed)
             problems = [result.world_problem] if result.world_problem else []
-            found = found_in(
+            found = map_episodes(
                 EpisodeVerifier,
                 result.record,
                 episodes,

@@ -57,9 +57,9 @@ class ActionReader:
         self.lower = np.array([*arm_pair.joint_lower, 0.0] * len(ARMS), dtype=np.float32)
         self.upper = np.array([*arm_pair.joint_upper, 1.0] * len(ARMS), dtype=np.float32)
         # A gripper goes from shut to open within a tick.
-        self._most, self._more = np.full((2, JOINT_ACTION_DIM), 2.0)
-        by_arm(self._most)[:, :-1] = arm_pair.velocity_limit_rad_s * TICK_S
-        by_arm(self._more)[:, :-1] = arm_pair.acceleration_limit_rad_s2 * TICK_S**2
+        self._max_step, self._max_step_change = np.full((2, JOINT_ACTION_DIM), 2.0)
+        by_arm(self._max_step)[:, :-1] = arm_pair.velocity_limit_rad_s * TICK_S
+        by_arm(self._max_step_change)[:, :-1] = arm_pair.acceleration_limit_rad_s2 * TICK_S**2
 
     @property
     def lengths(self) -> tuple[int, ...]:
@@ -122,20 +122,28 @@ class ActionReader:
 
     def limited(self, wanted: NDArray[np.float32], progress: EpisodeProgress) -> NDArray[np.float32]:
         """The action (16,) within the limits that replaces a wanted one, given the last actions in `progress`."""
-        step = np.subtract(wanted, progress.asked, dtype=np.float64)
-        of_target = np.clip(np.subtract(wanted, progress.wanted, dtype=np.float64), -self._most, self._most)
+        step = np.subtract(wanted, progress.sent_action, dtype=np.float64)
+        of_target = np.clip(
+            np.subtract(wanted, progress.wanted, dtype=np.float64), -self._max_step, self._max_step
+        )
         behind = step - of_target  # how far from keeping pace with what is wanted
-        too_far = np.abs(behind) > self._more
-        is_beyond = too_far | (np.abs(step) > self._most) | (np.abs(step - progress.change) > self._more)
+        too_far = np.abs(behind) > self._max_step_change
+        is_beyond = (
+            too_far
+            | (np.abs(step) > self._max_step)
+            | (np.abs(step - progress.change) > self._max_step_change)
+        )
         if not is_beyond.any():
             return wanted
-        most, more = SHARE * self._most, SHARE * self._more
-        # At this speed it has caught up after the remaining way, if it slows down by `more` every tick.
-        closing = (np.sqrt(more**2 + 8 * more * np.abs(behind)) - more) / 2
+        max_step, max_change = SHARE * self._max_step, SHARE * self._max_step_change
+        # At this speed it has caught up after the remaining way, if it slows down by `max_change` every tick.
+        closing = (np.sqrt(max_change**2 + 8 * max_change * np.abs(behind)) - max_change) / 2
         slower = of_target + np.copysign(np.minimum(np.abs(behind), closing), behind)
-        slower = np.clip(slower, -most, most).clip(progress.change - more, progress.change + more)
-        asked = (progress.asked + np.where(is_beyond, slower, step)).astype(np.float32)
-        return np.clip(asked, self.lower, self.upper)
+        slower = np.clip(slower, -max_step, max_step).clip(
+            progress.change - max_change, progress.change + max_change
+        )
+        sent_action = (progress.sent_action + np.where(is_beyond, slower, step)).astype(np.float32)
+        return np.clip(sent_action, self.lower, self.upper)
 
     def _read_keypose(self, vector: NDArray) -> BimanualKeypose:
         try:

@@ -38,7 +38,7 @@ class EpisodeProgress:
         keyposes: keyposes executed so far.
         held_ticks: consecutive ticks up to now at which all conditions were met.
         first_met_tick: number of ticks after which they were all met for the first time; None as long as they were not.
-        asked: (16,) the last joint action that the arms were given; `change` is its difference from the one before, and
+        sent_action: (16,) the last joint action that the arms were given; `change` is its difference from the one before, and
             `wanted` is the same action before it was limited.
         clipped_ticks: ticks whose joint action was faster than arms can follow, and was replaced by a slower one.
         clipped_rad: largest difference between such an action and its replacement, in any joint.
@@ -47,7 +47,7 @@ class EpisodeProgress:
         line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
         disturbances: how often an axis of perturbation has moved things.
         failure: what ended the episode, empty while nothing has.
-        memory: what axes of perturbation remember of the episode, by their name; see `perturbations.axis.Moment`.
+        memory: what axes of perturbation remember of the episode, by their name; see `perturbations.axis.HookContext`.
     """
 
     seed: int
@@ -62,7 +62,7 @@ class EpisodeProgress:
     keyposes: int = 0
     held_ticks: int = 0
     first_met_tick: int | None = None
-    asked: NDArray[np.float32] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM, np.float32))
+    sent_action: NDArray[np.float32] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM, np.float32))
     change: NDArray[np.float64] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM))
     wanted: NDArray[np.float32] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM, np.float32))
     clipped_ticks: int = 0
@@ -84,13 +84,13 @@ class EpisodeProgress:
         """Whether the verdict is known."""
         return self.succeeded or bool(self.failure)
 
-    def ask(self, wanted: NDArray[np.float32], asked: NDArray[np.float32]) -> None:
+    def record_action(self, wanted: NDArray[np.float32], sent_action: NDArray[np.float32]) -> None:
         """Remember a wanted joint action (16,), and the one that the arms are given in its place."""
-        self.change = np.subtract(asked, self.asked, dtype=np.float64)
-        self.asked, self.wanted = asked.copy(), wanted.copy()
-        if asked is not wanted:
+        self.change = np.subtract(sent_action, self.sent_action, dtype=np.float64)
+        self.sent_action, self.wanted = sent_action.copy(), wanted.copy()
+        if sent_action is not wanted:
             self.clipped_ticks += 1
-            self.clipped_rad = max(self.clipped_rad, float(np.abs(asked - wanted).max()))
+            self.clipped_rad = max(self.clipped_rad, float(np.abs(sent_action - wanted).max()))
 
     def judge(self, conditions: Iterable[Condition], scene: SceneView) -> None:
         """Evaluate the conditions after a tick: all `Once` and `Always` ones, the others up to the first unmet one."""
@@ -100,14 +100,14 @@ class EpisodeProgress:
         if self.held_ticks and self.first_met_tick is None:
             self.first_met_tick = self.ticks
 
-    def complete(self, conditions: Iterable[Condition], scene: SceneView) -> None:
+    def evaluate_all_conditions(self, conditions: Iterable[Condition], scene: SceneView) -> None:
         """Note of all conditions whether they are met now, at the end of a step."""
         self.conditions = check(conditions, scene, self.conditions | self.on_the_way)
 
     def joined_hash(self, scene_hash: str) -> str:
         """SHA-256, in hex, of a scene's hash, what the arms are told, and conditions on the way."""
         digest = hashlib.sha256(f"{scene_hash} {sorted(self.on_the_way.items())}".encode())
-        for array in (self.asked, self.change, self.wanted, self.felt_n, self.pressed_steps):
+        for array in (self.sent_action, self.change, self.wanted, self.felt_n, self.pressed_steps):
             digest.update(array.tobytes())
         return digest.hexdigest()
 

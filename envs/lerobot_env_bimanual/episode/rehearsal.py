@@ -17,7 +17,7 @@ from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import Carried
 from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules
-from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
+from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, is_at_target
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -97,7 +97,7 @@ class Rehearsal:
         moving = {
             arm: target
             for arm, target in targets.items()
-            if not stays(self._kinematics[arm], self._joints[arm], target)
+            if not is_at_target(self._kinematics[arm], self._joints[arm], target)
         }
         goals = self._free_goals(moving) if stage.planned else self._line_ends(moving)
         if isinstance(goals, str):
@@ -117,7 +117,7 @@ class Rehearsal:
 
     def _obstacle(self, rules: CollisionRules) -> str | None:
         """What is in the way of the arms where they are now."""
-        self._checker.look()
+        self._checker.update_from_scene()
         return self._checker.obstacle(rules, self._joints[Arm.LEFT], self._joints[Arm.RIGHT])
 
     def _free_goals(self, targets: Mapping[Arm, Array]) -> Postures | str:
@@ -129,7 +129,7 @@ class Rehearsal:
             if not postures:
                 return f"{arm} arm out of reach"
         now = self._joints
-        self._checker.look()
+        self._checker.update_from_scene()
         rules = self._checker.free_motion_rules(targets, self._view.carried, now[Arm.LEFT], now[Arm.RIGHT])
         for goals, obstacle in free_goals(self._checker, rules, now, candidates):
             if obstacle is None:
@@ -145,7 +145,7 @@ class Rehearsal:
             if line is None:
                 return f"{arm} arm cannot follow its line"
             paths[arm] = line
-        self._checker.look()
+        self._checker.update_from_scene()
         rules = self._checker.contact_rules
         for share in CHECKED_SHARES:
             both = self._joints | {arm: path[round(share * (len(path) - 1))] for arm, path in paths.items()}

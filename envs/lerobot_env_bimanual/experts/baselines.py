@@ -84,13 +84,13 @@ def random(env: BimanualEnv, rng: np.random.Generator) -> Iterator[Move]:
         return Keypose(pose, gripper_open=bool(rng.integers(2)), ignore_collisions=bool(rng.integers(2)))
 
     targets = (BimanualKeypose(keypose(), keypose()) for _ in range(RANDOM_KEYPOSES))
-    return _leniently(env, _numbered(targets), rng)
+    return _reachable_moves(env, _numbered(targets), rng)
 
 
 def open_loop(env: BimanualEnv, keyposes: Sequence[ArrayLike]) -> Iterator[Move]:
     """The same keyposes (18,) in every episode, whatever the scene."""
     targets = [BimanualKeypose.from_vector(keypose) for keypose in keyposes]
-    return _leniently(env, _numbered(targets), np.random.default_rng(0))
+    return _reachable_moves(env, _numbered(targets), np.random.default_rng(0))
 
 
 def nearest(env: BimanualEnv) -> Iterator[Move]:
@@ -110,26 +110,26 @@ def mixed(env: BimanualEnv, rng: np.random.Generator) -> Iterator[Move]:
     def targets() -> Iterator[tuple[str, BimanualKeypose]]:
         left_target = right_target = home_keypose(env.scene)
         left_script, right_script = (
-            env.task_definition.by_plan(env.progress.variation, int(plan))(env.scene)
+            env.task_definition.script_for_plan(env.progress.variation, int(plan))(env.scene)
             for plan in (left_plan, right_plan)
         )
         for left_stage, right_stage in zip_longest(left_script, right_script, fillvalue=Stage("stay")):
             left_target, right_target = left_stage.keypose(left_target), right_stage.keypose(right_target)
             yield left_stage.name, BimanualKeypose(left_target.left, right_target.right)
 
-    return _leniently(env, targets(), np.random.default_rng(0))
+    return _reachable_moves(env, targets(), np.random.default_rng(0))
 
 
 def language_ablated(env: BimanualEnv, rng: np.random.Generator) -> Iterator[Move]:
     """The expert's keyposes for an instruction drawn at random among those that the scene allows."""
-    scripts = env.task_definition.readings(env.scene)
+    scripts = env.task_definition.scripts_for_all_instructions(env.scene)
     return play_script(env, scripts[rng.integers(len(scripts))])
 
 
 def play_script(env: BimanualEnv, script: Script) -> Iterator[Move]:
     """The stages of a script, leniently."""
     targets = ((stage.name, target) for stage, target in stages_and_targets(script, env.scene))
-    return _leniently(env, targets, np.random.default_rng(0))
+    return _reachable_moves(env, targets, np.random.default_rng(0))
 
 
 def mean_of_episodes(episodes: Sequence[ArrayLike]) -> NDArray[np.float64]:
@@ -159,7 +159,7 @@ def _numbered(targets: Iterable[BimanualKeypose]) -> Iterator[tuple[str, Bimanua
     return ((f"keypose {number}", target) for number, target in enumerate(targets))
 
 
-def _leniently(
+def _reachable_moves(
     env: BimanualEnv, targets: Iterable[tuple[str, BimanualKeypose]], rng: np.random.Generator
 ) -> Iterator[Move]:
     planner = KeyposePlanner(env.scene)

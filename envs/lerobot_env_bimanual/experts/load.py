@@ -30,7 +30,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
-from lerobot_env_bimanual.world.contact_forces import ContactForces, felt
+from lerobot_env_bimanual.world.contact_forces import ContactForces, low_pass_filter
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.worlds import MAX_FORCE_N
@@ -126,7 +126,7 @@ class LoadMeter:
             "velocity": _peak(velocity / pair.velocity_limit_rad_s),
             "acceleration": _peak(acceleration / pair.acceleration_limit_rad_s2),
             "jerk": _peak(jerk / pair.jerk_limit_rad_s3),
-            "contact_force_n": _peak(np.linalg.norm(felt(forces_n), axis=-1)),
+            "contact_force_n": _peak(np.linalg.norm(low_pass_filter(forces_n), axis=-1)),
             "finger_speed_m_s": _peak((sums[FINGER_STEPS:] - sums[:-FINGER_STEPS]) / FINGER_STEPS),
             "penetration_mm": 1000 * depth_m,
         }

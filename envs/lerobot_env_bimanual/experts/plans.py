@@ -20,14 +20,14 @@ def infeasible_plan(env: BimanualEnv) -> str | None:
     """The first plan that the arms cannot do from the present state, and why; None if they can do all of them."""
     rehearsal, variation = Rehearsal(env.scene, CODECS), env.progress.variation
     for plan, name in enumerate(env.task_definition.spec.plans):
-        if reason := rehearsal.infeasibility(env.task_definition.by_plan(variation, plan)):
+        if reason := rehearsal.infeasibility(env.task_definition.script_for_plan(variation, plan)):
             return f"plan {name!r}: {reason}"
     return None
 
 
 def keyposes_by(env: BimanualEnv, plan: int) -> list[BimanualKeypose]:
     """The keyposes of a plan from the start on, as its script gives them while nothing moves."""
-    script = env.task_definition.by_plan(env.progress.variation, plan)
+    script = env.task_definition.script_for_plan(env.progress.variation, plan)
     return [target for _, target in stages_and_targets(script, env.scene)]
 
 

@@ -56,7 +56,7 @@ def expert(codec: KeyposeCodec | None = None, plan: int = 0) -> Player:
     """
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        script = env.task_definition.by_plan(env.progress.variation, plan)
+        script = env.task_definition.script_for_plan(env.progress.variation, plan)
         for stage, target in stages_and_targets(script, env.scene):
             commanded = target if codec is None else codec.discretise(target)
             yield Move(stage.name, commanded.to_vector(), stage.presses)

@@ -102,7 +102,7 @@ def simulation_versions() -> dict[str, str]:
     return installed_versions(SIMULATION_PACKAGES) | {"python": platform.python_version()}
 
 
-def joint_version(worlds: Mapping[str, str]) -> str:
+def combined_version(worlds: Mapping[str, str]) -> str:
     """One version for several tasks, given each one's."""
     text = "\n".join(f"{task} {worlds[task]}" for task in sorted(worlds))
     return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
@@ -118,7 +118,7 @@ def world_versions(tasks: Iterable[str], perturb: str = "", setting: str = STAND
     return {task: world_version(task, perturb, setting) if task in list_tasks() else "none" for task in bar}
 
 
-def other_simulation(provenance: Provenance | None) -> str:
+def simulation_difference(provenance: Provenance | None) -> str:
     """How the simulation of a dataset differs from the installed one, in words; empty if its episodes replay here."""
     if provenance is None:
         return "the dataset does not say with which versions it was generated"

@@ -43,7 +43,7 @@ class CollisionChecker:
     """Answers whether two postures are free of collisions under the rules of the motion at hand.
 
     Args:
-        scene: the world; its positions are read by `look`.
+        scene: the world; its positions are read by `update_from_scene`.
 
     Attributes:
         contact_rules: of a motion into contact: forearms and hands may touch props, but no arm may touch itself, the table
@@ -65,7 +65,7 @@ class CollisionChecker:
         is_prop = ~is_arm & (np.arange(self._model.nbody) > 0)
         self.standing_rules = CollisionRules(self._least((is_arm, is_prop, CLEARANCE_M)))
 
-    def look(self) -> None:
+    def update_from_scene(self) -> None:
         """Take over where everything in the scene is now."""
         for field in RESETTABLE_FIELDS:
             getattr(self._model, field)[:] = getattr(self._scene.model, field)
@@ -75,7 +75,7 @@ class CollisionChecker:
     def free_motion_rules(
         self, checked: Iterable[Arm], carried: Iterable[tuple[Arm, str]], left: Array, right: Array
     ) -> CollisionRules:
-        """Rules of a motion through free space from where everything was at the last `look`.
+        """Rules of a motion through free space from where everything was at the last `update_from_scene`.
 
         Clearance from everything, no self-collision. Bodies that are too close already at the start may stay so: a
         hand has to get away from what it touches.

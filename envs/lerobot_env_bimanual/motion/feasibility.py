@@ -27,7 +27,7 @@ STAY_M = 1e-4
 STAY_RAD = 1e-3
 
 
-def stays(kinematics: ArmKinematics, joints: Array, target: Array) -> bool:
+def is_at_target(kinematics: ArmKinematics, joints: Array, target: Array) -> bool:
     """Whether joints (7,) already are at the target pose (4, 4), so that the arm must not move at all."""
     difference = np.square(kinematics.fk(joints) - target)
     # Two rotation matrices that are a small angle apart differ by sqrt(2) times that angle.

@@ -13,7 +13,7 @@ from lerobot_bimanual.joint_action import ARM_ACTION_DIM, GRIPPER_FRAMES, JOINT_
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules
-from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
+from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, is_at_target
 from lerobot_env_bimanual.motion.joint_path import JointPath, rounded
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
@@ -101,7 +101,7 @@ class KeyposePlanner:
         free: dict[Arm, Pose] = {}
         for arm in ARMS:
             target, start = keypose[arm].pose, motion.start[arm]
-            if stays(self._kinematics[arm], start, target.matrix):
+            if is_at_target(self._kinematics[arm], start, target.matrix):
                 motion.paths[arm], motion.paces[arm] = JointPath(np.stack([start, start])), FREE
                 continue
             if not VOXEL_WORKSPACE.contains(target.position):
@@ -132,7 +132,7 @@ class KeyposePlanner:
     def _add_free(self, motion: _Motion, targets: dict[Arm, Pose], rng: np.random.Generator) -> None:
         candidates = {arm: self._goals(arm, motion.start[arm], pose) for arm, pose in targets.items()}
         start = motion.start
-        self._checker.look()
+        self._checker.update_from_scene()
         rules = self._checker.free_motion_rules(
             targets, props_in_hands(self._scene), start[Arm.LEFT], start[Arm.RIGHT]
         )

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
-from lerobot_env_bimanual.perturbations.axis import Action, Axis, Moment, Start, data, register
+from lerobot_env_bimanual.perturbations.axis import Action, Axis, HookContext, Start, data, register
 from lerobot_env_bimanual.world.scene import Scene
 
 DRIFT_PERIOD_S = (4.0, 12.0)
@@ -16,11 +16,11 @@ N_POSTURES = 20
 """Start postures that are drawn; the first that can be used is taken."""
 
 
-def _delay_arm(moment: Moment[tuple[int, list[Action]]], action: Action) -> Action:
+def _delay_arm(context: HookContext[tuple[int, list[Action]]], action: Action) -> Action:
     """Give one arm the action of some ticks ago, or the first one while there is none so old."""
-    arm, latest = moment.memory or (int(moment.rng.integers(len(ARMS))), [action])
-    latest = [*latest[-int(moment.magnitude) :], action]  # oldest first
-    moment.remember((arm, latest))
+    arm, latest = context.memory or (int(context.rng.integers(len(ARMS))), [action])
+    latest = [*latest[-int(context.magnitude) :], action]  # oldest first
+    context.remember((arm, latest))
     told = action.copy()
     by_arm(told)[arm] = by_arm(latest[0])[arm]
     return told
@@ -39,10 +39,10 @@ def _draw_drift(start: Start[Drift]) -> None:
     start.remember((share, 2 * np.pi / (start.rng.uniform(*DRIFT_PERIOD_S, shape) * CONTROL_HZ)))
 
 
-def _add_drift(moment: Moment[Drift], action: Action) -> Action:
-    (share, rad_per_tick), told = moment.memory, action.copy()
-    offsets = share * np.sin(rad_per_tick * moment.progress.ticks)
-    by_arm(told)[:, :-1] += np.deg2rad(moment.magnitude) * offsets
+def _add_drift(context: HookContext[Drift], action: Action) -> Action:
+    (share, rad_per_tick), told = context.memory, action.copy()
+    offsets = share * np.sin(rad_per_tick * context.progress.ticks)
+    by_arm(told)[:, :-1] += np.deg2rad(context.magnitude) * offsets
     return told
 
 
@@ -70,12 +70,12 @@ def _draw_miss(start: Start[NDArray[np.float64]]) -> None:
     start.remember(start.rng.uniform(-1.0, 1.0, (len(ARMS), JOINTS_PER_ARM)))
 
 
-def _miss(moment: Moment[NDArray[np.float64]], action: Action) -> Action:
+def _miss(context: HookContext[NDArray[np.float64]], action: Action) -> Action:
     """Shift the joints until the first keypose is over; the planner of the second starts from where they were sent."""
-    if moment.progress.keyposes:
+    if context.progress.keyposes:
         return action
-    told, share = action.copy(), min(1.0, moment.progress.ticks / MISS_TICKS)
-    by_arm(told)[:, :-1] += share * np.deg2rad(moment.magnitude) * moment.memory
+    told, share = action.copy(), min(1.0, context.progress.ticks / MISS_TICKS)
+    by_arm(told)[:, :-1] += share * np.deg2rad(context.magnitude) * context.memory
     return told
 
 

@@ -25,7 +25,7 @@ type Group = Literal["seen", "clutter", "bodies", "arms", "words", "time"]
 
 
 @dataclass(frozen=True)
-class Moment[Memory]:
+class HookContext[Memory]:
     """The argument of a hook: an episode at one of its ticks, the level's magnitude, and a generator of the axis's own.
 
     Attributes:
@@ -54,7 +54,7 @@ class Moment[Memory]:
 
 
 @dataclass(frozen=True)
-class Start[Memory](Moment[Memory]):
+class Start[Memory](HookContext[Memory]):
     """The start of an episode, after its props were placed and before they come to rest.
 
     Attributes:
@@ -101,9 +101,9 @@ class Axis[Memory]:
     build: Callable[[mujoco.MjSpec, float], None] | None = None
     begin: Callable[[Start[Memory]], None] | None = None
     look: Callable[[Start[Memory], Appearance], Appearance] | None = None
-    see: Callable[[Moment[Memory], str, Image], Image] | None = None
-    command: Callable[[Moment[Memory], Action], Action] | None = None
-    disturb: Callable[[Moment[Memory]], None] | None = None
+    see: Callable[[HookContext[Memory], str, Image], Image] | None = None
+    command: Callable[[HookContext[Memory], Action], Action] | None = None
+    disturb: Callable[[HookContext[Memory]], None] | None = None
     for_training: bool = False
     late_ticks: Callable[[float], int] = lambda magnitude: 0
 

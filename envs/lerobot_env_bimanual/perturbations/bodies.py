@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.perturbations.axis import Axis, Moment, Start, data, register
+from lerobot_env_bimanual.perturbations.axis import Axis, HookContext, Start, data, register
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.task import TaskSpec
 from lerobot_env_bimanual.world.scene import Scene
@@ -179,14 +179,14 @@ def _draw_nudge(start: Start[Shift | None]) -> None:
             break
 
 
-def _nudge(moment: Moment[Shift | None]) -> None:
+def _nudge(context: HookContext[Shift | None]) -> None:
     """Shift what can be shifted, once; velocities stay as they are."""
-    drawn, scene = moment.memory, moment.scene
-    if drawn is None or moment.progress.ticks < drawn.earliest_tick or _is_touched(scene):
+    drawn, scene = context.memory, context.scene
+    if drawn is None or context.progress.ticks < drawn.earliest_tick or _is_touched(scene):
         return
     if _shift(scene, drawn.shift_m):
-        moment.remember(None)
-        moment.progress.disturbances += 1
+        context.remember(None)
+        context.progress.disturbances += 1
 
 
 def _is_touched(scene: Scene) -> bool:

@@ -149,7 +149,7 @@ def _radius(index: int) -> float:
 
 def _stages(start: Start) -> Iterator[tuple[BimanualKeypose, BimanualKeypose]]:
     """Both ends of every stage of the script; of a planned stage, whose way is not known, its end alone."""
-    script, last = start.task.by_plan(start.progress.variation), home_keypose(start.scene)
+    script, last = start.task.script_for_plan(start.progress.variation), home_keypose(start.scene)
     for stage, target in stages_and_targets(script, start.scene):
         yield (target if stage.planned else last), target
         last = target

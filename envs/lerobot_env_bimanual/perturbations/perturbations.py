@@ -12,7 +12,7 @@ from lerobot_bimanual.perturbation_levels import parse_levels
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.options import SPLITS
-from lerobot_env_bimanual.perturbations.axis import Action, Axis, Image, Moment, Start
+from lerobot_env_bimanual.perturbations.axis import Action, Axis, HookContext, Image, Start
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.task import Task, TaskSpec
 from lerobot_env_bimanual.world.appearance import NOMINAL
@@ -73,8 +73,8 @@ class Perturbations:
         """
 
         def start(axis: Axis[Any], hook: str) -> Start[Any]:
-            moment = self._moment(axis, hook, scene, progress)
-            return Start(**vars(moment), task=task, cameras=self._cameras, is_feasible=is_feasible)
+            context = self._context(axis, hook, scene, progress)
+            return Start(**vars(context), task=task, cameras=self._cameras, is_feasible=is_feasible)
 
         for axis in self._magnitudes:
             if axis.begin:
@@ -92,27 +92,27 @@ class Perturbations:
             if axis.see:
                 for camera in images:
                     when = scene.ticks, CAMERA_NAMES.index(camera)
-                    moment = self._moment(axis, "see", scene, progress, *when)
-                    handed_out[camera] = axis.see(moment, camera, handed_out[camera])
+                    context = self._context(axis, "see", scene, progress, *when)
+                    handed_out[camera] = axis.see(context, camera, handed_out[camera])
         return handed_out
 
     def command(self, action: Action, scene: Scene, progress: EpisodeProgress) -> Action:
         """The joint action (16,) that the arms are given."""
         for axis in self._magnitudes:
             if axis.command:
-                action = axis.command(self._moment(axis, "command", scene, progress, progress.ticks), action)
+                action = axis.command(self._context(axis, "command", scene, progress, progress.ticks), action)
         return action
 
     def disturb(self, scene: Scene, progress: EpisodeProgress) -> None:
         """Change the world after a tick, before the next observation."""
         for axis in self._magnitudes:
             if axis.disturb:
-                axis.disturb(self._moment(axis, "disturb", scene, progress))
+                axis.disturb(self._context(axis, "disturb", scene, progress))
 
-    def _moment(
+    def _context(
         self, axis: Axis[Any], hook: str, scene: Scene, progress: EpisodeProgress, *when: int
-    ) -> Moment[Any]:
+    ) -> HookContext[Any]:
         entropy = [SPLITS[self._split], self._task.id, progress.seed, *when]
         stream = zlib.crc32(f"{axis.name} {hook}".encode())
         rng = np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(stream,)))
-        return Moment(axis, self._magnitudes[axis], rng, scene, progress)
+        return HookContext(axis, self._magnitudes[axis], rng, scene, progress)

@@ -79,7 +79,7 @@ def _change_lamps(start: Start, appearance: Appearance) -> Appearance:
     turn = quat_wxyz_to_matrix(quat_wxyz_from_axis_angle((0, 0, 1), side * LAMPS_TURN_RAD))
     colour = 2 ** (strength * LAMPS_STOPS) * (1 + warmth * np.array([LAMPS_WARMTH, 0, -LAMPS_WARMTH]))
     centre = model.stat.center * (1, 1, 0)
-    lit = appearance.wearing(
+    lit = appearance.with_fields(
         light_pos=centre + (model.light_pos - centre) @ turn.T,
         light_dir=model.light_dir @ turn.T,
         light_ambient=model.light_ambient * colour,
@@ -121,7 +121,7 @@ def _recolour_props(start: Start, appearance: Appearance) -> Appearance:
     stays = _named(colours, named, levels, side, direction)
     changed = _changed(colours, start.magnitude, side, direction)
     worn[of_props, :3] = np.where(stays[which, None], worn[of_props, :3], changed[which])
-    return appearance.wearing(geom_rgba=worn)
+    return appearance.with_fields(geom_rgba=worn)
 
 
 def _named(
@@ -197,7 +197,7 @@ def _cover_surfaces(start: Start, appearance: Appearance) -> Appearance:
         geoms = model.geom_matid == model.material(surface).id
         materials[geoms] = model.material(f"{surface}_{pattern}").id
         colours[geoms, :3] = own + TINT * start.magnitude * (drawn - own)
-    return appearance.wearing(geom_matid=materials, geom_rgba=colours)
+    return appearance.with_fields(geom_matid=materials, geom_rgba=colours)
 
 
 register(Axis(**data("surfaces"), build=_add_patterns, look=_cover_surfaces))

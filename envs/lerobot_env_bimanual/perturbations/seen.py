@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, quat_wxyz_multiply
-from lerobot_env_bimanual.perturbations.axis import Axis, Image, Moment, Start, data, register
+from lerobot_env_bimanual.perturbations.axis import Axis, HookContext, Image, Start, data, register
 from lerobot_env_bimanual.world.appearance import Appearance
 
 CM_PER_M = 100
@@ -48,7 +48,7 @@ def _move_cameras(start: Start, appearance: Appearance, *, calibrated: bool) -> 
         quat_wxyz, position_m = fields.get("cam_quat", model.cam_quat), fields.get("cam_pos", model.cam_pos)
         return {"cam_quat": quat_wxyz_multiply(quat_wxyz, turns_wxyz), "cam_pos": position_m + shifts_m}
 
-    worn = appearance.wearing(**moved(appearance.fields))
+    worn = appearance.with_fields(**moved(appearance.fields))
     return replace(worn, calibration=moved(appearance.calibration)) if calibrated else worn
 
 
@@ -72,22 +72,22 @@ def _draw_exposures(start: Start[dict[str, int]]) -> None:
     start.remember(dict(zip(CAMERA_NAMES, signs.tolist(), strict=True)))
 
 
-def _expose(moment: Moment[dict[str, int]], camera: str, image: Image) -> Image:
+def _expose(context: HookContext[dict[str, int]], camera: str, image: Image) -> Image:
     rgb, depth_m = image
-    gain = 2 ** (moment.memory[camera] * moment.magnitude / GAMMA)
+    gain = 2 ** (context.memory[camera] * context.magnitude / GAMMA)
     values = rgb.astype(np.int16)
     values *= round(gain * STEPS_PER_GREY)
-    values += _normal(rgb.shape, SIGMA_PER_STOP * moment.magnitude * STEPS_PER_GREY, moment.rng, np.int16)
+    values += _normal(rgb.shape, SIGMA_PER_STOP * context.magnitude * STEPS_PER_GREY, context.rng, np.int16)
     np.clip(values, 0, STEPS_PER_GREY * 256 - 1, out=values)
     greys = values.view(np.uint16)  # NumPy divides unsigned numbers twice as fast
     greys //= STEPS_PER_GREY
     return greys.astype(np.uint8), depth_m
 
 
-def _add_depth_noise(moment: Moment, camera: str, image: Image) -> Image:
+def _add_depth_noise(context: HookContext, camera: str, image: Image) -> Image:
     """Add noise; depth that was not measured stays 0."""
     rgb, depth_m = image
-    depth_m += np.square(depth_m) * _normal(depth_m.shape, moment.magnitude, moment.rng, np.float32)
+    depth_m += np.square(depth_m) * _normal(depth_m.shape, context.magnitude, context.rng, np.float32)
     return rgb, depth_m
 
 
@@ -99,15 +99,15 @@ def _note_slopes(start: Start[dict[str, float]]) -> None:
     start.remember({name: steepest * 2 * math.tan(half) for name, half in half_fovys.items()})
 
 
-def _lose_depth(moment: Moment[dict[str, float]], camera: str, image: Image) -> Image:
+def _lose_depth(context: HookContext[dict[str, float]], camera: str, image: Image) -> Image:
     """Set depth to 0 where it is lost. An edge is a very slanted surface between two pixels, so one rule finds both."""
     rgb, depth_m = image
     height, width = depth_m.shape
-    step = max(1, round(moment.magnitude * EDGE_SHARE * height))
-    most = np.float32(moment.memory[camera] * step / height)
+    step = max(1, round(context.magnitude * EDGE_SHARE * height))
+    most = np.float32(context.memory[camera] * step / height)
     # One step along the diagonal finds changes along rows and along columns. NumPy processes an image as one
     # flat array several times as fast as row by row.
-    lost, line = _is_dark(rgb, round(moment.magnitude * MAX_DARK)), depth_m.reshape(-1)
+    lost, line = _is_dark(rgb, round(context.magnitude * MAX_DARK)), depth_m.reshape(-1)
     back = step * (width + 1)
     change_m = line[back:] - line[:-back]
     lost[back:] |= np.abs(change_m, out=change_m) > (line * most)[back:]
@@ -130,8 +130,8 @@ def _draw_failing(start: Start[list[str]]) -> None:
     start.remember(drawn[: min(int(start.magnitude), len(start.cameras) - 1)])
 
 
-def _black_out(moment: Moment[list[str]], camera: str, image: Image) -> Image:
-    if camera in moment.memory:
+def _black_out(context: HookContext[list[str]], camera: str, image: Image) -> Image:
+    if camera in context.memory:
         for values in image:
             values[:] = 0
     return image

@@ -73,7 +73,7 @@ class BakingTray:
     def _add_biscuits(self, body, board_x: float, board) -> None:
         x, y, z = board
         paper = (x - PAPER_INSET_M, y - PAPER_INSET_M, PAPER_HALF_THICKNESS_M)
-        prop.draw_box(body, (board_x, 0, z), paper, rgba=PAPER)
+        prop.add_visual_box(body, (board_x, 0, z), paper, rgba=PAPER)
         for column in np.linspace(-1, 1, 2) * 0.45 * x:
             for row in np.linspace(-1, 1, 4) * 0.66 * y:
                 place = (board_x + column, row, z + BISCUIT_HALF_HEIGHT_M)

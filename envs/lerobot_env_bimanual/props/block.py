@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import add_box, add_free_body, draw_box, graspable
+from lerobot_env_bimanual.props.prop import add_box, add_free_body, add_visual_box, graspable
 
 RED = (1.0, 0.0, 0.0, 1.0)
 PAPER = (0.97, 0.96, 0.92, 1)
@@ -34,4 +34,4 @@ class Block:
         body = add_free_body(spec, self.name)
         add_box(body, (0, 0, 0), half, name=self.name, mass=self.mass_kg, rgba=self.rgba, **graspable(0.8))
         label = (half[0] + LABEL_THICKNESS_M, half[1] + LABEL_THICKNESS_M, 0.12 * half[2])
-        draw_box(body, (0, 0, 0), label, rgba=PAPER)
+        add_visual_box(body, (0, 0, 0), label, rgba=PAPER)

@@ -3,8 +3,14 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
-from lerobot_env_bimanual.props.prop import UNSEEN, add_capsule, add_cylinder, add_free_body, graspable
+from lerobot_env_bimanual.props.meshes import add_mesh, add_visual_mesh, lathe
+from lerobot_env_bimanual.props.prop import (
+    COLLISION_ONLY,
+    add_capsule,
+    add_cylinder,
+    add_free_body,
+    graspable,
+)
 
 GLASS = (0.13, 0.45, 0.24, 1.0)
 PAPER = (0.96, 0.94, 0.86, 1.0)
@@ -41,18 +47,18 @@ class Bottle:
     radius_m: float = 0.0178
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Write what is felt, then glass, label and cap."""
+        """Write the collision shapes, then glass, label and cap."""
         body = add_free_body(spec, self.name)
-        felt = {**graspable(self.friction), **UNSEEN}
+        contact = {**graspable(self.friction), **COLLISION_ONLY}
         ends = (0, 0, self.radius_m, 0, 0, BODY_HEIGHT_M - SHOULDER_RADIUS_M)
-        add_capsule(body, ends, self.radius_m, mass=BODY_MASS_SHARE * self.mass_kg, **felt)
+        add_capsule(body, ends, self.radius_m, mass=BODY_MASS_SHARE * self.mass_kg, **contact)
         for radius, bottom, top, share in (
             (self.radius_m, 0, self.radius_m, 0.0),  # its foot
             (SHOULDER_RADIUS_M, BODY_HEIGHT_M, NECK_BOTTOM_M, SHOULDER_MASS_SHARE),
             (CAP_RADIUS_M, NECK_BOTTOM_M, HEIGHT_M, NECK_MASS_SHARE),
         ):
             middle, half_height = (bottom + top) / 2, (top - bottom) / 2
-            add_cylinder(body, (0, 0, middle), radius, half_height, mass=share * self.mass_kg, **felt)
+            add_cylinder(body, (0, 0, middle), radius, half_height, mass=share * self.mass_kg, **contact)
         paper = self.radius_m + LABEL_PROUD_M
         low, high = LABEL_M
         glass = [
@@ -71,4 +77,4 @@ class Bottle:
         for part, profile, rgba in (("glass", glass, GLASS), ("label", label, PAPER), ("cap", cap, CAP)):
             mesh = f"{self.name}_{part}"
             add_mesh(spec, mesh, lathe(profile))
-            draw_mesh(body, mesh, rgba=rgba)
+            add_visual_mesh(body, mesh, rgba=rgba)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import add_box, add_free_body, draw_box
+from lerobot_env_bimanual.props.prop import add_box, add_free_body, add_visual_box
 
 CARDBOARD = (0.76, 0.58, 0.38, 1.0)
 TAPE = (0.66, 0.62, 0.86, 1.0)
@@ -35,8 +35,8 @@ class Box:
         """Write the parcel, its tape and label, and its contact with the table."""
         half = np.array(self.size_m) / 2
         body = add_free_body(spec, self.name)
-        felt = {"mass": self.mass_kg, "friction": (0.5, 0.005, 0.0001), "solref": (0.01, 1)}
-        add_box(body, (0, 0, 0), half, name=self.name, rgba=CARDBOARD, **felt)
+        contact = {"mass": self.mass_kg, "friction": (0.5, 0.005, 0.0001), "solref": (0.01, 1)}
+        add_box(body, (0, 0, 0), half, name=self.name, rgba=CARDBOARD, **contact)
         # Of two geoms the larger friction counts, and the table's is 0.5: only an explicit pair can be lower.
         spec.add_pair(
             geomname1="table",
@@ -62,4 +62,4 @@ class Box:
         for side in (-1, 1):
             sheets.append(((side * x, 0, z - tape_end), (paper, tape_half_width, tape_end), TAPE))
         for position, size, rgba in sheets:
-            draw_box(body, position, size, rgba=rgba)
+            add_visual_box(body, position, size, rgba=rgba)

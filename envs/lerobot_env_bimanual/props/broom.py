@@ -68,7 +68,9 @@ class Broom:
         """Add a square bar for collisions, whose sides a gripper holds firmly, and a round one for images."""
         half, bottom = STICK_HALF_WIDTH_M, HEAD_Z_M
         middle, half_length = (self.height_m + bottom) / 2, (self.height_m - bottom) / 2
-        prop.add_box(body, (0, 0, middle), (half, half, half_length), mass=STICK_MASS_KG, **prop.UNSEEN)
+        prop.add_box(
+            body, (0, 0, middle), (half, half, half_length), mass=STICK_MASS_KG, **prop.COLLISION_ONLY
+        )
         prop.add_cylinder(body, (0, 0, middle), half, half_length, rgba=WOOD, **prop.VISUAL_ONLY)
         prop.add_sphere(body, (0, 0, self.height_m), half, rgba=PAINT, **prop.VISUAL_ONLY)
         socket = 1.6 * half
@@ -79,7 +81,7 @@ class Broom:
         half_x, _, head_half_z = HEAD_HALF_M
         top = HEAD_Z_M - head_half_z
         z, half_z = (top - BRISTLE_REACH_M) / 2, (top + BRISTLE_REACH_M) / 2
-        sweeping = {"solref": (0.004, 1), "contype": prop.DIRT_ONLY, "conaffinity": 0, **prop.UNSEEN}
+        sweeping = {"solref": (0.004, 1), "contype": prop.DIRT_ONLY, "conaffinity": 0, **prop.COLLISION_ONLY}
         block = (half_x, BRISTLE_HALF_DEPTH_M, half_z)
         prop.add_box(body, (0, 0, z), block, mass=BRISTLE_MASS_KG, **sweeping)
         wing_x, wing_y = WING_HALF_M
@@ -91,7 +93,7 @@ class Broom:
         half_x, half_y, _ = HEAD_HALF_M
         # Without friction (condim 1): with the table's the broom trails behind the hand.
         contact = {"condim": 1, "priority": 2, "solref": (-FOOT_STIFFNESS, -FOOT_DAMPING)}
-        gliding = {"contype": prop.TABLE_ONLY, "conaffinity": 0, **contact, **prop.UNSEEN}
+        gliding = {"contype": prop.TABLE_ONLY, "conaffinity": 0, **contact, **prop.COLLISION_ONLY}
         for side in (-1, 1):
             x, y, z = side * (half_x - FOOT_RADIUS_M), half_y - FOOT_RADIUS_M, FOOT_RADIUS_M
             prop.add_capsule(body, (x, -y, z, x, y, z), FOOT_RADIUS_M, mass=FOOT_MASS_KG, **gliding)
@@ -106,11 +108,11 @@ class Broom:
             angle = -0.12 * share
             straw = (0.52 * spacing, BRISTLE_HALF_DEPTH_M, half_z)
             turned = (np.cos(angle / 2), 0, np.sin(angle / 2), 0)
-            prop.draw_box(body, (share * half_x, 0, half_z), straw, quat=turned, rgba=STRAW[tuft % 2])
+            prop.add_visual_box(body, (share * half_x, 0, half_z), straw, quat=turned, rgba=STRAW[tuft % 2])
         wing_x, wing_y = WING_HALF_M
         for side in (-1, 1):
             place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, half_z)
-            prop.draw_box(body, place, (wing_x, wing_y, half_z), rgba=STRAW[1])
+            prop.add_visual_box(body, place, (wing_x, wing_y, half_z), rgba=STRAW[1])
 
 
 @dataclass(frozen=True)
@@ -136,4 +138,4 @@ class BroomStand:
             x = side * (FORK_GAP_M / 2 + half_x)
             prop.add_box(body, (x, PRONG_Y_M, z), PRONG_HALF_M, rgba=STEEL)
             tip = (half_x + 0.0008, TIP_HALF_LENGTH_M, half_z + 0.0008)
-            prop.draw_box(body, (x, PRONG_Y_M - half_y + TIP_HALF_LENGTH_M, z), tip, rgba=RUBBER)
+            prop.add_visual_box(body, (x, PRONG_Y_M - half_y + TIP_HALF_LENGTH_M, z), tip, rgba=RUBBER)

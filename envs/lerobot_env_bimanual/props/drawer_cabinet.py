@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props import prop
-from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
+from lerobot_env_bimanual.props.meshes import add_mesh, add_visual_mesh, lathe
 
 CASE = (0.72, 0.624, 0.48, 1.0)
 FRONT = (0.80, 0.71, 0.57, 1.0)
@@ -110,7 +110,7 @@ class DrawerCabinet:
         prop.add_box(body, (0, wall - half, middle), (inner, wall, inner), rgba=CASE)
         # What is seen through the gaps between the fronts.
         for height in (0.225, 0.345):
-            prop.draw_box(body, (0, half - 0.004, height), (inner, 0.003, 0.006), rgba=GAP)
+            prop.add_visual_box(body, (0, half - 0.004, height), (inner, 0.003, 0.006), rgba=GAP)
 
     def _add_legs(self, spec, body) -> None:
         top, foot = LEG_RADIUS_M
@@ -118,8 +118,8 @@ class DrawerCabinet:
         low, half = -self.longer_legs_m, (LEG_HEIGHT_M + self.longer_legs_m) / 2
         add_mesh(spec, mesh, lathe([(0, low), (foot, low), (top, LEG_HEIGHT_M), (0, LEG_HEIGHT_M)]))
         for x, y in product((-(SIDE_M / 2 - LEG_INSET_M), SIDE_M / 2 - LEG_INSET_M), repeat=2):
-            draw_mesh(body, mesh, pos=(x, y, 0), rgba=LEG)
-            prop.add_cylinder(body, (x, y, low + half), top, half, **prop.UNSEEN)
+            add_visual_mesh(body, mesh, pos=(x, y, 0), rgba=LEG)
+            prop.add_cylinder(body, (x, y, low + half), top, half, **prop.COLLISION_ONLY)
 
     def _add_drawer(self, cabinet, level: str) -> None:
         drawer = cabinet.add_body(name=self.drawer(level), pos=(0, 0, HANDLE_HEIGHTS_M[level]))
@@ -137,7 +137,7 @@ class DrawerCabinet:
             self._add_board(drawer, "wall", place, (BOARD_HALF_M, y, z), TRAY)
         self._add_handle(drawer)
         panel = (FRONT_HALF_M[0] - 0.022, 0.0008, FRONT_HALF_M[2] - 0.018)
-        prop.draw_box(drawer, (0, front_y + FRONT_HALF_M[1], 0), panel, rgba=PANEL)
+        prop.add_visual_box(drawer, (0, front_y + FRONT_HALF_M[1], 0), panel, rgba=PANEL)
 
     def _add_board(self, body, part: str, position, half, rgba) -> None:
         prop.add_box(body, position, half, mass=PART_MASSES_KG[part], rgba=rgba, solref=FIRM)

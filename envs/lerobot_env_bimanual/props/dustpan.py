@@ -85,13 +85,13 @@ class Dustpan:
         y = FLOOR_Y_M + FLOOR_HALF_M[1] + half_y * along
         place = (0, y, LIP_CREST_M - half_y * up - half_z * along)
         turned = (np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0)
-        felt = {"mass": LIP_MASS_KG, "contype": prop.DIRT_ONLY, "conaffinity": 0}
-        prop.add_box(body, place, LIP_HALF_M, quat=turned, rgba=BLUE, **felt)
+        contact = {"mass": LIP_MASS_KG, "contype": prop.DIRT_ONLY, "conaffinity": 0}
+        prop.add_box(body, place, LIP_HALF_M, quat=turned, rgba=BLUE, **contact)
 
     def _add_gliders(self, body) -> None:
         """Add round feet under the floor: four points of contact, which are computed quickly."""
         contact = {"friction": (GLIDER_FRICTION, 0.005, 0.0001), "priority": 1}
-        gliding = {"contype": prop.TABLE_ONLY, "conaffinity": 0, **contact, **prop.UNSEEN}
+        gliding = {"contype": prop.TABLE_ONLY, "conaffinity": 0, **contact, **prop.COLLISION_ONLY}
         for side_x, side_y in product((-1, 1), repeat=2):
             x, y = side_x * 0.9 * FLOOR_HALF_M[0], FLOOR_Y_M + side_y * 0.9 * FLOOR_HALF_M[1]
             prop.add_sphere(body, (x, y, GLIDER_RADIUS_M), GLIDER_RADIUS_M, mass=GLIDER_MASS_KG, **gliding)
@@ -109,7 +109,7 @@ class Dustpan:
         half_x, half_y, half_z = FLOOR_HALF_M
         for x in np.linspace(-0.75, 0.75, RIBS) * half_x:
             place = (x, FLOOR_Y_M, GAP_M + 2 * half_z)
-            prop.draw_box(body, place, (0.003, 0.9 * half_y, 0.0003), rgba=DARK_BLUE)
+            prop.add_visual_box(body, place, (0.003, 0.9 * half_y, 0.0003), rgba=DARK_BLUE)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import HINGE, ON_RUBBER, SLIDE, add_box, add_capsule, add_joint, draw_box
+from lerobot_env_bimanual.props.prop import (
+    HINGE,
+    ON_RUBBER,
+    SLIDE,
+    add_box,
+    add_capsule,
+    add_joint,
+    add_visual_box,
+)
 
 SHELL = (0.84, 0.87, 0.90, 1.0)
 DOOR = (0.90, 0.92, 0.94, 1.0)
@@ -108,10 +116,10 @@ class Fridge:
         x, y, sheet = HALF_DEPTH_M - 2 * WALL_HALF_M, HALF_WIDTH_M - 2 * WALL_HALF_M, 0.0005
         middle, half = (COMPARTMENT_FLOOR_M + HEIGHT_M) / 2, (HEIGHT_M - COMPARTMENT_FLOOR_M) / 2 - 0.013
         liner = f"{self.name}_liner"
-        draw_box(body, (x, 0, middle), (sheet, y, half), material=liner)
+        add_visual_box(body, (x, 0, middle), (sheet, y, half), material=liner)
         for side in (-y, y):
-            draw_box(body, (0.006, side, middle), (HALF_DEPTH_M - 0.014, sheet, half), material=liner)
-        draw_box(body, (0.02, 0, HEIGHT_M - 0.018), (0.03, 0.05, 0.006), material=f"{self.name}_lamp")
+            add_visual_box(body, (0.006, side, middle), (HALF_DEPTH_M - 0.014, sheet, half), material=liner)
+        add_visual_box(body, (0.02, 0, HEIGHT_M - 0.018), (0.03, 0.05, 0.006), material=f"{self.name}_lamp")
 
     def _add_lower_door(self, body) -> None:
         low, high = LOWER_DOOR_M
@@ -136,12 +144,12 @@ class Fridge:
         _add_handle(handle, -2 * thickness, HANDLE_FROM_HINGE_M, HANDLE_M, mass=0.03)
         # Inside: the dark seal around a bright panel with two racks. Outside: the maker's badge.
         for inset, proud, rgba in ((0.010, 0.0020, SEAL), (0.026, 0.0025, LINER)):
-            draw_box(door, (0, width, middle), (proud, width - inset, half_height - inset), rgba=rgba)
+            add_visual_box(door, (0, width, middle), (proud, width - inset, half_height - inset), rgba=rgba)
         for height in (low + 0.06, low + 0.32):
             for rise, depth, half_rise in ((0.0, 0.016, 0.003), (0.03, 0.002, 0.012)):
                 rack = (depth, width - 0.040, half_rise)
-                draw_box(door, (0.032 - depth, width, height + rise), rack, rgba=SHELF)
-        draw_box(door, (-2 * thickness, 0.07, high - 0.05), (0.001, 0.03, 0.008), rgba=BADGE)
+                add_visual_box(door, (0.032 - depth, width, height + rise), rack, rgba=SHELF)
+        add_visual_box(door, (-2 * thickness, 0.07, high - 0.05), (0.001, 0.03, 0.008), rgba=BADGE)
 
 
 _HINGE_M = (-HALF_DEPTH_M - DOOR_GAP_M, -HALF_WIDTH_M)

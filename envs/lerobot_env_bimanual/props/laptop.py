@@ -6,7 +6,7 @@ import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props import prop
-from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, slab
+from lerobot_env_bimanual.props.meshes import add_mesh, add_visual_mesh, slab
 
 ALUMINIUM = (0.72, 0.74, 0.77, 1.0)
 LID_ALUMINIUM = (0.80, 0.82, 0.85, 1.0)
@@ -58,7 +58,7 @@ class Laptop:
         base = prop.add_free_body(spec, self.name)
         self._add_solid(base, (0, 0, 0), base_half, self.base_mass_kg)
         add_mesh(spec, self.name, slab(base_half, CORNER_RADIUS_M))
-        draw_mesh(base, self.name, rgba=ALUMINIUM)
+        add_visual_mesh(base, self.name, rgba=ALUMINIUM)
         self._decorate_base(base, base_half)
         hinge = (0, base_half[1] - HINGE_INSET_M, base_half[2] + SEAM_M + lid_half[2])
         lid = base.add_body(name=f"{self.name}_lid", pos=hinge)
@@ -68,13 +68,13 @@ class Laptop:
         middle = (0, -lid_half[1], 0)
         self._add_solid(lid, middle, lid_half, self.lid_mass_kg)
         add_mesh(spec, lid.name, slab(lid_half, CORNER_RADIUS_M))
-        draw_mesh(lid, lid.name, pos=middle, rgba=LID_ALUMINIUM)
+        add_visual_mesh(lid, lid.name, pos=middle, rgba=LID_ALUMINIUM)
         self._decorate_lid(lid, middle, lid_half)
 
     def _add_solid(self, body, position, half, mass: float) -> None:
-        """What is felt: a plain box."""
+        """The collision shape: a plain box."""
         contact = {"friction": (self.friction, 0.005, 0.0001), "condim": 4, "solref": (0.005, 1)}
-        prop.add_box(body, position, half, mass=mass, priority=1, **contact, **prop.UNSEEN)
+        prop.add_box(body, position, half, mass=mass, priority=1, **contact, **prop.COLLISION_ONLY)
 
     def _decorate_base(self, body, half) -> None:
         """Keyboard and touch pad under the lid, the dark seam below it, sockets at the sides."""
@@ -88,9 +88,9 @@ class Laptop:
             for socket_y in (0.035, 0.060, 0.090):
                 boxes.append(((side * x, socket_y, 0), (sheet, 0.007, 0.002)))
         for position, size in boxes:
-            prop.draw_box(body, position, size, rgba=DARK)
+            prop.add_visual_box(body, position, size, rgba=DARK)
         inset = 2 * CORNER_RADIUS_M
-        prop.draw_box(body, (0, 0, z + SEAM_M / 2), (x - inset, y - 0.004, SEAM_M / 2), rgba=DARK)
+        prop.add_visual_box(body, (0, 0, z + SEAM_M / 2), (x - inset, y - 0.004, SEAM_M / 2), rgba=DARK)
 
     def _decorate_lid(self, body, middle, half) -> None:
         """A round badge outside, the screen inside."""
@@ -98,7 +98,9 @@ class Laptop:
         prop.add_cylinder(
             body, (*middle[:2], z), 0.022, SHEET_HALF_THICKNESS_M, rgba=BADGE, **prop.VISUAL_ONLY
         )
-        prop.draw_box(body, (*middle[:2], -z), (0.94 * x, 0.90 * y, SHEET_HALF_THICKNESS_M), rgba=SCREEN)
+        prop.add_visual_box(
+            body, (*middle[:2], -z), (0.94 * x, 0.90 * y, SHEET_HALF_THICKNESS_M), rgba=SCREEN
+        )
 
 
 @dataclass(frozen=True)
@@ -121,10 +123,10 @@ class Riser:
         """Write the block, and a light board around its top and a dark joint above its foot for the eye."""
         x, y, z = np.array(self.size_m) / 2
         body = prop.add_free_body(spec, self.name)
-        felt = {"mass": self.mass_kg, "friction": (self.friction, 0.005, 0.0001), "solref": (0.005, 1)}
-        prop.add_box(body, (0, 0, 0), (x, y, z), name=self.name, rgba=WALNUT, **felt)
+        contact = {"mass": self.mass_kg, "friction": (self.friction, 0.005, 0.0001), "solref": (0.005, 1)}
+        prop.add_box(body, (0, 0, 0), (x, y, z), name=self.name, rgba=WALNUT, **contact)
         for middle_z, half_z, rgba in (
             (z - TOP_BOARD_HALF_HEIGHT_M + PROUD_M / 10, TOP_BOARD_HALF_HEIGHT_M, OAK),
             (-z + PLINTH_HALF_HEIGHT_M, PLINTH_HALF_HEIGHT_M, SHADOW),
         ):
-            prop.draw_box(body, (0, 0, middle_z), (x + PROUD_M, y + PROUD_M, half_z), rgba=rgba)
+            prop.add_visual_box(body, (0, 0, middle_z), (x + PROUD_M, y + PROUD_M, half_z), rgba=rgba)

@@ -22,7 +22,7 @@ def add_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh, **settings: Any) -> Non
     spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel(), **settings)
 
 
-def draw_mesh(body: mujoco.MjsBody, mesh: str, **settings: Any) -> None:
+def add_visual_mesh(body: mujoco.MjsBody, mesh: str, **settings: Any) -> None:
     """Add a mesh, by its name, that is seen but neither touches nor weighs anything."""
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, **VISUAL_ONLY | settings)
 

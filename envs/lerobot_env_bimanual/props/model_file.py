@@ -5,7 +5,7 @@ from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import COARSE, FINE, UNSEEN
+from lerobot_env_bimanual.props.prop import COARSE, COLLISION_ONLY, FINE
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,6 @@ class ModelFile:
         attached.name, attached.pos, attached.quat = self.name, (0, 0, 0), (1, 0, 0, 0)
         for each in (attached, *attached.find_all("body")):
             for geom in each.geoms:
-                geom.group = {COARSE: 0, FINE: UNSEEN["group"]}.get(geom.group, geom.group)
+                geom.group = {COARSE: 0, FINE: COLLISION_ONLY["group"]}.get(geom.group, geom.group)
         if self.is_free and not attached.joints:
             attached.add_freejoint()

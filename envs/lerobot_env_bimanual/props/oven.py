@@ -136,8 +136,10 @@ class Oven:
             ((centre_x, -y, middle), (x - centre_x, sheet, half)),
             ((centre_x, y, middle), (x - centre_x, sheet, half)),
         ):
-            prop.draw_box(body, position, size, material=liner)
-        prop.draw_box(body, (0.03, 0, CEILING_M - 0.006), (0.035, 0.06, 0.006), material=f"{self.name}_lamp")
+            prop.add_visual_box(body, position, size, material=liner)
+        prop.add_visual_box(
+            body, (0.03, 0, CEILING_M - 0.006), (0.035, 0.06, 0.006), material=f"{self.name}_lamp"
+        )
         rail_z = self.rack_m - RACK_HALF_M[2] - RAIL_HALF_M[2]
         for side in (-1, 1):
             prop.add_box(body, (0.02, side * (y - RAIL_HALF_M[1]), rail_z), RAIL_HALF_M, rgba=WIRE)
@@ -145,8 +147,8 @@ class Oven:
     def _add_panel(self, body) -> None:
         """Dark panel with four knobs and a clock, above the door."""
         height = (CEILING_M + HEIGHT_M) / 2
-        prop.draw_box(body, (self.front_m, 0, height), (0.001, HALF_WIDTH_M - 0.012, 0.055), rgba=DARK)
-        prop.draw_box(body, (self.front_m, 0, height), (0.0016, 0.045, 0.02), rgba=DISPLAY)
+        prop.add_visual_box(body, (self.front_m, 0, height), (0.001, HALF_WIDTH_M - 0.012, 0.055), rgba=DARK)
+        prop.add_visual_box(body, (self.front_m, 0, height), (0.0016, 0.045, 0.02), rgba=DISPLAY)
         for y in (-0.20, -0.12, 0.12, 0.20):
             for depth, radius, rgba in ((0.008, 0.021, STEEL), (0.018, 0.015, METAL)):
                 looks = {"quat": FACING_FRONT, "rgba": rgba, **prop.VISUAL_ONLY}
@@ -159,8 +161,8 @@ class Oven:
         x, y, z = DOOR_HALF_M
         middle = z + DOOR_LIFT_M
         prop.add_box(door, (0, 0, middle), DOOR_HALF_M, mass=DOOR_MASS_KG, rgba=STEEL)
-        prop.draw_box(door, (0, 0, middle), (x + 0.0008, y - 0.010, z - 0.010), rgba=DARK)
-        prop.draw_box(door, (0, 0, middle - 0.02), (x + 0.0014, y - 0.055, z - 0.070), rgba=GLASS)
+        prop.add_visual_box(door, (0, 0, middle), (x + 0.0008, y - 0.010, z - 0.010), rgba=DARK)
+        prop.add_visual_box(door, (0, 0, middle - 0.02), (x + 0.0014, y - 0.055, z - 0.070), rgba=GLASS)
         self._add_handle(door)
 
     def _add_handle(self, door) -> None:
@@ -180,11 +182,11 @@ class Oven:
         rack = oven.add_body(name=f"{self.name}_rack", pos=(rack_x, 0, self.rack_m))
         brake = (RACK_FRICTION_N, RACK_DAMPING_N_S_M)
         prop.add_joint(rack, prop.SLIDE, f"{self.name}_slide", (-1, 0, 0), (0, RACK_TRAVEL_M), *brake)
-        prop.add_box(rack, (0, 0, 0), RACK_HALF_M, mass=RACK_MASS_KG, **prop.UNSEEN)
+        prop.add_box(rack, (0, 0, 0), RACK_HALF_M, mass=RACK_MASS_KG, **prop.COLLISION_ONLY)
         x, y, radius = RACK_HALF_M
         for side in (-1, 1):
-            prop.draw_box(rack, (side * (x - radius), 0, 0), (radius, y, radius), rgba=WIRE)
-            prop.draw_box(rack, (0, side * (y - radius), 0), (x, radius, radius), rgba=WIRE)
+            prop.add_visual_box(rack, (side * (x - radius), 0, 0), (radius, y, radius), rgba=WIRE)
+            prop.add_visual_box(rack, (0, side * (y - radius), 0), (x, radius, radius), rgba=WIRE)
         for wire_y in np.linspace(-y, y, RACK_WIRES + 2)[1:-1]:
             ends = (-x + radius, wire_y, radius / 2, x - radius, wire_y, radius / 2)
             prop.add_capsule(rack, ends, radius / 2, rgba=WIRE, **prop.VISUAL_ONLY)

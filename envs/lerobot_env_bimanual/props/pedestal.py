@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import add_box, add_capsule, draw_box
+from lerobot_env_bimanual.props.prop import add_box, add_capsule, add_visual_box
 
 SLATE = (0.34, 0.38, 0.44, 1.0)
 EDGE = (0.80, 0.82, 0.85, 1.0)
@@ -37,7 +37,7 @@ class Pedestal:
         x, y, z = self.size_m[0] / 2, self.size_m[1] / 2, self.depth_m / 2
         add_box(body, (0, 0, -z), (x, y, z), name=self.name, rgba=SLATE, friction=(0.5, 0.005, 0.0001))
         band = (x + PROUD_M, y + PROUD_M, BAND_HALF_HEIGHT_M)
-        draw_box(body, (0, 0, -BAND_HALF_HEIGHT_M - PROUD_M), band, rgba=EDGE)
+        add_visual_box(body, (0, 0, -BAND_HALF_HEIGHT_M - PROUD_M), band, rgba=EDGE)
         for post_x, post_y, top in self.posts_m:
             ends = (post_x, post_y, -self.depth_m, post_x, post_y, top)
             add_capsule(body, ends, POST_RADIUS_M, rgba=BRASS)

@@ -8,8 +8,8 @@ import numpy as np
 
 from lerobot_bimanual.geometry.rotations import euler_xyz_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
-from lerobot_env_bimanual.props.prop import UNSEEN, add_box, add_cylinder, add_free_body, graspable
+from lerobot_env_bimanual.props.meshes import add_mesh, add_visual_mesh, lathe
+from lerobot_env_bimanual.props.prop import COLLISION_ONLY, add_box, add_cylinder, add_free_body, graspable
 
 PORCELAIN = (0.97, 0.97, 0.95, 1.0)
 GLAZE = (0.17, 0.38, 0.63, 1.0)
@@ -72,24 +72,24 @@ class Plate:
         return math.atan2(self.height_m - THICKNESS_M / 2, self.radius_m - self.foot_radius_m)
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Write the shapes that are felt and the meshes that are seen."""
+        """Write the collision shapes and the visible meshes."""
         body = add_free_body(spec, self.name)
         # Its friction wins over the fingertips'.
-        felt = {"priority": 2, **graspable(self.friction), **UNSEEN}
+        contact = {"priority": 2, **graspable(self.friction), **COLLISION_ONLY}
         for radius, middle, height, share in (
             (self.foot_radius_m, FOOT_HEIGHT_M / 2, FOOT_HEIGHT_M, FOOT_MASS_SHARE),
             (self.well_radius_m, WELL_Z_M, THICKNESS_M, WELL_MASS_SHARE),
         ):
-            add_cylinder(body, (0, 0, middle), radius, height / 2, mass=share * self.mass_kg, **felt)
-        self._add_rim(body, felt)
+            add_cylinder(body, (0, 0, middle), radius, height / 2, mass=share * self.mass_kg, **contact)
+        self._add_rim(body, contact)
         add_mesh(spec, self.name, lathe(self._profile()))
-        draw_mesh(body, self.name, rgba=PORCELAIN)
+        add_visual_mesh(body, self.name, rgba=PORCELAIN)
         for number, band in enumerate(GLAZE_BANDS):
             mesh = f"{self.name}_band{number}"
             add_mesh(spec, mesh, lathe(self._band_profile(*band)))
-            draw_mesh(body, mesh, rgba=GLAZE)
+            add_visual_mesh(body, mesh, rgba=GLAZE)
 
-    def _add_rim(self, body, felt: dict[str, Any]) -> None:
+    def _add_rim(self, body, contact: dict[str, Any]) -> None:
         """Boxes side by side around the well, sloping up to the edge."""
         run, rise = self.rim_m, self.height_m - WELL_Z_M
         half = (np.hypot(run, rise) / 2, self.radius_m * math.tan(np.pi / RIM_PARTS), THICKNESS_M / 2)
@@ -98,7 +98,7 @@ class Plate:
             place = (middle_radius * np.cos(angle), middle_radius * np.sin(angle), middle_z)
             turned = euler_xyz_to_quat_wxyz((0, -self.rim_slope_rad, angle))
             mass = RIM_MASS_SHARE / RIM_PARTS * self.mass_kg
-            add_box(body, place, half, quat=turned, mass=mass, **felt)
+            add_box(body, place, half, quat=turned, mass=mass, **contact)
 
     def _on_rim(self, share: float, height_m: float) -> tuple[float, float]:
         """Radius and z at a share of the way up the rim, `height_m` from the middle of its thickness."""

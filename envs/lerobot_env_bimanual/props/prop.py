@@ -24,7 +24,7 @@ VISUAL_ONLY = MappingProxyType({"contype": 0, "conaffinity": 0, "mass": 0, "grou
 
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 
-UNSEEN = MappingProxyType({"group": 3})
+COLLISION_ONLY = MappingProxyType({"group": 3})
 """Settings of a geom that touches but is not drawn."""
 
 COARSE, FINE = 1, 4
@@ -86,7 +86,7 @@ def add_box(body: mujoco.MjsBody, position: Vector, half_size: Vector, **setting
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=position, size=half_size, **settings)
 
 
-def draw_box(body: mujoco.MjsBody, position: Vector, half_size: Vector, **settings: Any) -> None:
+def add_visual_box(body: mujoco.MjsBody, position: Vector, half_size: Vector, **settings: Any) -> None:
     """Add a box that is seen but neither touches nor weighs anything, as in `add_box`."""
     add_box(body, position, half_size, **settings, **VISUAL_ONLY)
 

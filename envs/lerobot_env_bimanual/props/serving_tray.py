@@ -7,7 +7,7 @@ import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props import prop
-from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, slab
+from lerobot_env_bimanual.props.meshes import add_mesh, add_visual_mesh, slab
 
 WOOD = (0.70, 0.50, 0.30, 1.0)
 RIM_WOOD = (0.52, 0.34, 0.19, 1.0)
@@ -62,13 +62,13 @@ class ServingTray:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write board, handles and rim, and a mat and inlays for the eye."""
         body = prop.add_free_body(spec, self.name)
-        felt = prop.graspable(self.friction)
+        contact = prop.graspable(self.friction)
         x, y, z = np.array(self.size_m) / 2
         handle_area = 2 * self.handle_size_m[0] * self.handle_size_m[1]
         wood_density = self.mass_kg * (1 - RIM_MASS_SHARE) / (4 * x * y + handle_area)
         board_kg = 4 * x * y * wood_density
-        prop.add_box(body, (0, 0, 0), (x, y, z), name=self.name, mass=board_kg, rgba=WOOD, **felt)
-        # The handles are felt as boxes, and seen as slabs with rounded corners and an inlay.
+        prop.add_box(body, (0, 0, 0), (x, y, z), name=self.name, mass=board_kg, rgba=WOOD, **contact)
+        # The handles collide as boxes, and are drawn as slabs with rounded corners and an inlay.
         handle_z = z if self.handle_height_m is None else self.handle_height_m / 2
         handle_half = (self.handle_size_m[0] / 2, self.handle_size_m[1] / 2, handle_z)
         inlay_half = np.subtract(handle_half, (INLAY_INSET_M, INLAY_INSET_M, -SHEET_HALF_THICKNESS_M))
@@ -78,9 +78,11 @@ class ServingTray:
         handle_kg = wood_density * handle_area / 2
         for side in (-1, 1):
             middle = (0, side * (y + self.handle_size_m[1] / 2), 0)
-            prop.add_box(body, middle, handle_half, mass=handle_kg, rgba=WOOD, **felt, **prop.UNSEEN)
-            draw_mesh(body, handle_mesh, pos=middle, rgba=WOOD)
-            draw_mesh(body, inlay_mesh, pos=middle, rgba=INLAY)
+            prop.add_box(
+                body, middle, handle_half, mass=handle_kg, rgba=WOOD, **contact, **prop.COLLISION_ONLY
+            )
+            add_visual_mesh(body, handle_mesh, pos=middle, rgba=WOOD)
+            add_visual_mesh(body, inlay_mesh, pos=middle, rgba=INLAY)
         self._add_rim(body, x, y, z)
         self._add_mat(body, x, y, z)
 
@@ -95,10 +97,10 @@ class ServingTray:
         """A linen mat with a stripe along either long side."""
         half_x, half_y = x - RIM_WIDTH_M - MAT_INSET_M, y - RIM_WIDTH_M - MAT_INSET_M
         sheet = SHEET_HALF_THICKNESS_M
-        prop.draw_box(body, (0, 0, z), (half_x, half_y, sheet), rgba=LINEN)
+        prop.add_visual_box(body, (0, 0, z), (half_x, half_y, sheet), rgba=LINEN)
         for side in (-1, 1):
             place = (side * (half_x - 4 * STRIPE_HALF_WIDTH_M), 0, z + sheet)
-            prop.draw_box(body, place, (STRIPE_HALF_WIDTH_M, half_y, sheet), rgba=STRIPE)
+            prop.add_visual_box(body, place, (STRIPE_HALF_WIDTH_M, half_y, sheet), rgba=STRIPE)
 
 
 @dataclass(frozen=True)

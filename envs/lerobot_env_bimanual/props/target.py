@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import draw_box
+from lerobot_env_bimanual.props.prop import add_visual_box
 
 RED = (0.90, 0.10, 0.10, 1.0)
 PRINT = (0.99, 0.96, 0.94, 1.0)
@@ -39,4 +39,4 @@ class Target:
     def _add_sheet(self, body, centre_xy, half_xy, layers: float, rgba, name: str = "") -> None:
         """A thin box lying on the sheet's underside; more `layers` stand prouder."""
         half_z = layers * PAPER_THICKNESS_M
-        draw_box(body, (*centre_xy, half_z), (*half_xy, half_z), name=name, rgba=rgba)
+        add_visual_box(body, (*centre_xy, half_z), (*half_xy, half_z), name=name, rgba=rgba)

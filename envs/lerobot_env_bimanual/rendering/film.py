@@ -74,7 +74,7 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
     # A perturbed camera shows what it sees.
     if camera in ROOM_CAMERA_NAMES and "cam_quat" not in played[0][0].appearance.fields:
         seen = [state for states in played for state in (*states[::FRAMED_TICKS], states[-1])]
-        view = frame_of(env.scene, camera, seen, SIZE)
+        view = zoomed_camera_fields(env.scene, camera, seen, SIZE)
     with Renderer(env.scene, (camera,), *SIZE, env.options.render_quality) as renderer:
 
         @lru_cache(2 * len(rollouts))
@@ -82,7 +82,7 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
             """The scene at a tick; at the last one with the verdict."""
             episode = rollouts[player]
             env.scene.restore_state(episode.states[tick])
-            env.scene.appearance = env.scene.appearance.wearing(**view)
+            env.scene.appearance = env.scene.appearance.with_fields(**view)
             rgb, _ = renderer.render()[camera]
             caption = f"{name} {player}, {tick * TICK_S:.1f} s, keypose {episode.keyposes[tick]}"
             verdict = "success" if episode.outcome.success else "failure"
@@ -98,7 +98,7 @@ def write_film(env: BimanualEnv, rollouts: Mapping[str, Rollout], stem: Path, ca
     return film
 
 
-def frame_of(
+def zoomed_camera_fields(
     scene: Scene, camera: str, states: Sequence[SceneState], size: tuple[int, int]
 ) -> dict[str, NDArray[np.float64]]:
     """Model fields for an `Appearance` that make a fixed camera show hands and moved objects as large as possible.

@@ -22,7 +22,7 @@ from lerobot_bimanual.results.expert_report import (
 )
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import BOUNDS
-from lerobot_env_bimanual.experts.world_version import joint_version
+from lerobot_env_bimanual.experts.world_version import combined_version
 from lerobot_env_bimanual.options import SETTINGS, STANDARD
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
@@ -129,7 +129,7 @@ def _chance(task: str) -> float:
     env, shares = BimanualEnv(task, split="val", obs="state"), []
     for variation in get_task(task).spec.variations:
         env.reset(seed=0, options={"variation": variation.index})
-        shares.append(1 / len(env.task_definition.readings(env.scene)))
+        shares.append(1 / len(env.task_definition.scripts_for_all_instructions(env.scene)))
     env.close()
     return fmean(shares)
 
@@ -227,7 +227,7 @@ def tasks_page(folder: Path) -> str:
         {
             "name": name,
             "expert": found.reports[EXACT],
-            "world": joint_version(found.reports[EXACT].worlds),
+            "world": combined_version(found.reports[EXACT].worlds),
             "success": success_table(found),
             "evidence": evidence_table(found),
             "loads": load_table(found),

@@ -14,7 +14,7 @@ import numpy as np
 
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import UNSEEN, add_box, add_camera
+from lerobot_env_bimanual.props.prop import COLLISION_ONLY, add_box, add_camera
 from lerobot_env_bimanual.robots.panda_looks import DARK, add_looks
 
 LINK_OFFSET_M = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
@@ -77,7 +77,7 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
     Every name begins with the prefix, e.g. "left"; `base` is the world pose of the mounting face.
     """
     body = spec.worldbody.add_body(name=f"{prefix}_base", pos=base.position, quat=base.quat_wxyz)
-    add_box(body, (-0.05, 0, 0.03), (0.09, 0.07, 0.03), **UNSEEN)
+    add_box(body, (-0.05, 0, 0.03), (0.09, 0.07, 0.03), **COLLISION_ONLY)
     _add_covers(body, _DATA["base"])
     add_looks(spec, body, "base")
     for index in range(7):
@@ -99,7 +99,7 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
 def _add_covers(body, link: Mapping[str, Any]) -> None:
     for cover in link["covers"]:
         size, ends = (cover["radius"], 0, 0), cover["ends"]
-        body.add_geom(type=SHAPES[cover["shape"]], size=size, fromto=ends, **UNSEEN)
+        body.add_geom(type=SHAPES[cover["shape"]], size=size, fromto=ends, **COLLISION_ONLY)
 
 
 def _add_link(parent, prefix: str, index: int):
@@ -152,7 +152,7 @@ def _add_hand(link7, prefix: str):
         inertia=(0.001, 0.0025, 0.0017),
         explicitinertial=True,
     )
-    add_box(hand, (0, 0, PALM_M / 2), (0.0316, 0.1025, PALM_M / 2), **UNSEEN)
+    add_box(hand, (0, 0, PALM_M / 2), (0.0316, 0.1025, PALM_M / 2), **COLLISION_ONLY)
     hand.add_site(name=f"{prefix}_tcp", pos=(0, 0, TCP_M), size=(0.004, 0, 0), rgba=(1, 0, 0, 0))
     return hand
 
@@ -178,8 +178,8 @@ def _add_finger(hand, name: str, pad: str, yaw: float):
         armature=JOINT_ARMATURE,
         damping=FINGER_DAMPING,
     )
-    add_box(finger, (0, 0.0145, 0.011), (0.0105, 0.007, 0.011), **UNSEEN)
-    add_box(finger, (0, 0.008, 0.031), (0.0085, 0.006, 0.016), **UNSEEN)
+    add_box(finger, (0, 0.0145, 0.011), (0.0105, 0.007, 0.011), **COLLISION_ONLY)
+    add_box(finger, (0, 0.008, 0.031), (0.0085, 0.006, 0.016), **COLLISION_ONLY)
     # Hard, grippy rubber whose friction wins over whatever it touches.
     rubber = {"condim": 4, "friction": (1.5, 0.02, 0.0005), "priority": 1}
     hard = {"solref": STIFF_SOLREF, "solimp": STIFF_SOLIMP}

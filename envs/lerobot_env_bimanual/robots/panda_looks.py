@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.meshes import Mesh, add_mesh, closed, draw_mesh
+from lerobot_env_bimanual.props.meshes import Mesh, add_mesh, add_visual_mesh, closed
 from lerobot_env_bimanual.props.prop import COARSE, FINE
 
 type Point = tuple[float, float, float]
@@ -100,4 +100,4 @@ def add_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str) -> None:
                     [each + first for (_, each), first in zip(parts, firsts, strict=False)]
                 )
                 add_mesh(spec, mesh, (vertices, faces), smoothnormal=True)
-            draw_mesh(body, mesh, rgba=rgba, group=group)
+            add_visual_mesh(body, mesh, rgba=rgba, group=group)

@@ -114,7 +114,7 @@ class DualPushButtons(Task):
         """Above, press."""
         return press(scene, *((RIGHT, LEFT) if plan else (LEFT, RIGHT)))
 
-    def reading(self, scene: SceneView, variation: Variation) -> Script | None:
+    def script_for_instruction(self, scene: SceneView, variation: Variation) -> Script | None:
         """Push the buttons of the two named colours, if both are there, each with the hand on whose side it lies."""
         named = [COLORS[variation.words[word]] for word in WORDS[:2]]
         found = [button for button in BUTTONS if any(scene.has_color(button, color) for color in named)]

@@ -119,7 +119,7 @@ class HandoverItem(Task):
         """Pick up, present, receive, release, withdraw."""
         yield from hand_over(scene, TARGET, LEFT_BEHIND_M, RIGHT_BEHIND_M)
 
-    def reading(self, scene: SceneView, variation: Variation) -> Script | None:
+    def script_for_instruction(self, scene: SceneView, variation: Variation) -> Script | None:
         """Hand over the item of the named colour, whichever it is."""
         named = [item for item in ITEMS if scene.has_color(item, COLORS[variation.words["color"]])]
         margins = {"left_behind_m": LEFT_BEHIND_M, "right_behind_m": RIGHT_BEHIND_M}

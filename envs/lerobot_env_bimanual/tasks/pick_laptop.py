@@ -96,7 +96,7 @@ class PickLaptop(Task):
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Both hands near, then beside the laptop, push an edge of it between the other hand's fingers, lift."""
-        way = max((_over_edge(scene, quarter) for quarter in range(4)), key=partial(_ease, scene))
+        way = max((_over_edge(scene, quarter) for quarter in range(4)), key=partial(_min_joint_margin, scene))
         (above, behind, pushed, away), (before, grasp, lifted) = way
         yield Stage("near", above, before, left_open=False, right_open=True, planned=True)
         yield Stage("beside", behind, grasp)
@@ -104,7 +104,7 @@ class PickLaptop(Task):
         yield Stage("lift", away, lifted)
 
 
-def _ease(scene: SceneView, way: Way) -> float:
+def _min_joint_margin(scene: SceneView, way: Way) -> float:
     """Least distance of any joint from its limits, as a share of its range; negative if a pose is out of reach."""
     return min(
         arm.margins(arm.ik(pose.matrix)).min(axis=1).max(initial=-1.0)

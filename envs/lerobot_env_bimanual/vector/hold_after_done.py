@@ -13,7 +13,7 @@ INVALID_ACTION = "invalid action: "
 
 
 @dataclass(frozen=True)
-class Settled:
+class SkippedEpisode:
     """Takes the place of an action in an episode that is not played, and ends it."""
 
     success: bool
@@ -46,11 +46,11 @@ class HoldAfterDone(gym.Wrapper):
         """One step, or the last transition again, without its reward.
 
         An action that cannot be executed ends the episode as a failure; an `InvalidAction` in its place does so with its own
-        text, and `Settled` ends it at once.
+        text, and `SkippedEpisode` ends it at once.
         """
         if self._last is not None:
             return self._last
-        if isinstance(action, Settled) and self._begun is not None:
+        if isinstance(action, SkippedEpisode) and self._begun is not None:
             observation, info = self._begun
             self._last = (observation, 0.0, True, False, info | {"is_success": action.success})
             return observation, float(action.success), *self._last[2:]

@@ -30,8 +30,8 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.options import checked_reset_options, checked_seed
 from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
 from lerobot_env_bimanual.vector.evaluation import Evaluation, EvaluationLog
-from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone, Settled
-from lerobot_env_bimanual.workers import WorkerDied, end_of, end_with_parent, told
+from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone, SkippedEpisode
+from lerobot_env_bimanual.workers import WorkerDied, as_picklable_error, end_with_parent, exit_reason
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.workers", "lerobot_env_bimanual.env"]
 """Imported once by the process from which the workers are forked, instead of by each of them."""
@@ -45,14 +45,14 @@ TIMEOUT_S = 5.0
 _main_module_lock = threading.Lock()
 
 
-class CarriedError(Exception):
+class WrappedError(Exception):
     """Carries an error out of a worker: Gymnasium makes errors anew from their message, ours take other arguments."""
 
     @property
     def error(self) -> Exception:
         """What was raised."""
         error = self.args[0]
-        return error.error if isinstance(error, CarriedError) else error
+        return error.error if isinstance(error, WrappedError) else error
 
 
 class _InWorker(gym.Wrapper):
@@ -73,7 +73,7 @@ class _InWorker(gym.Wrapper):
         except gym.error.Error:
             raise
         except Exception as error:
-            raise CarriedError(told(error)) from error
+            raise WrappedError(as_picklable_error(error)) from error
 
 
 def _make(make_env: Callable[[], BimanualEnv], recorded: bool, in_worker: bool) -> gym.Env:
@@ -165,7 +165,7 @@ class LazyVectorEnv(VectorEnv):
         with self._lock:
             if self._running is None:
                 if self._asynchronous:
-                    with _main_module_hidden(), _named_death():
+                    with _main_module_hidden(), _report_worker_death():
                         self._running = AsyncVectorEnv(
                             self._make_envs, context="forkserver", autoreset_mode=AutoresetMode.NEXT_STEP
                         )
@@ -177,9 +177,9 @@ class LazyVectorEnv(VectorEnv):
         """Call `question` with the environments; after an error, worker processes are ended, as they are unusable."""
         envs = self._ensure()
         try:
-            with _named_death(envs.processes if isinstance(envs, AsyncVectorEnv) else ()):
+            with _report_worker_death(envs.processes if isinstance(envs, AsyncVectorEnv) else ()):
                 return question(envs)
-        except CarriedError as carried:
+        except WrappedError as carried:
             self._drop()
             raise carried.error from None
         except BaseException:
@@ -228,7 +228,7 @@ class LazyVectorEnv(VectorEnv):
         """
         arrays: list[Any] = [*self._arrays(actions)]
         for index, episode in self._settled.items():
-            arrays[index] = Settled(episode is not None and episode.success)
+            arrays[index] = SkippedEpisode(episode is not None and episode.success)
         observations, rewards, terminated, truncated, info = self._ask(lambda envs: envs.step(arrays))
         self._episodes.note(terminated | truncated, info)
         return observations, rewards, terminated, truncated, info
@@ -277,14 +277,14 @@ class LazyVectorEnv(VectorEnv):
 
 
 @contextlib.contextmanager
-def _named_death(processes: Sequence[BaseProcess] = ()) -> Iterator[None]:
+def _report_worker_death(processes: Sequence[BaseProcess] = ()) -> Iterator[None]:
     """Say which process died when its pipe breaks."""
     try:
         yield
     except (EOFError, BrokenPipeError, ConnectionResetError) as error:
         dead = connection.wait([process.sentinel for process in processes], timeout=TIMEOUT_S)
         ends = [
-            f"{number} ({end_of(process)})"
+            f"{number} ({exit_reason(process)})"
             for number, process in enumerate(processes)
             if process.sentinel in dead
         ]

@@ -62,7 +62,7 @@ class EpisodeVerifier:
             return [f"cannot be compared: {error}"]
 
 
-def found_in[Found](
+def map_episodes[Found](
     player: Callable[[str, Mapping[str, str | int]], Callable[[Episode], Found]],
     record: EvaluationRecord,
     episodes: Sequence[Episode],

@@ -31,7 +31,7 @@ class Appearance:
     calibration: Mapping[str, NDArray] = field(default_factory=dict)
     casts_shadows: bool = False
 
-    def wearing(self, **fields: NDArray) -> Appearance:
+    def with_fields(self, **fields: NDArray) -> Appearance:
         """This appearance with other values of some fields, each in the model's shape."""
         return replace(self, fields={**self.fields, **fields})
 

@@ -153,4 +153,4 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     leg = (LEG_HALF_SIDE_M, LEG_HALF_SIDE_M, leg_height / 2)
     for side_x, side_y in product((-1, 1), repeat=2):
         x, y = centre_x + side_x * (half_x - LEG_INSET_M), centre_y + side_y * (half_y - LEG_INSET_M)
-        prop.draw_box(world, (x, y, leg_height / 2), leg, rgba=LEG_GREY)
+        prop.add_visual_box(world, (x, y, leg_height / 2), leg, rgba=LEG_GREY)

@@ -62,7 +62,9 @@ class ContactForces:
         return np.array(forces_n).reshape(-1, *AT_REST_N.shape), depth_m, bodies
 
 
-def felt(forces_n: NDArray[np.float64], before_n: NDArray[np.float64] = AT_REST_N) -> NDArray[np.float64]:
+def low_pass_filter(
+    forces_n: NDArray[np.float64], before_n: NDArray[np.float64] = AT_REST_N
+) -> NDArray[np.float64]:
     """Low-pass filtered forces (steps, 2, 3), given the filtered forces (2, 3) of the step before."""
     share = 1 - math.exp(-2 * np.pi * FORCE_FILTER_HZ * PHYSICS_STEP_S)
     felt_n, now_n = np.empty_like(forces_n), before_n

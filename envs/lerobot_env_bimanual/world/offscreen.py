@@ -34,18 +34,18 @@ class Quality:
         shadow_map_size: pixels of the shadow map's side; 0 is no shadows.
         slices: facets around a round shape; half as many along it.
         quads: squares along the side of a box, at whose corners light is computed.
-        is_soft: whether small images are drawn twice as large and averaged.
+        is_supersampled: whether small images are drawn twice as large and averaged.
     """
 
     samples: int
     shadow_map_size: int
     slices: int
     quads: int
-    is_soft: bool = False
+    is_supersampled: bool = False
 
 
 class Pixels(NamedTuple):
-    """One camera's image as OpenGL draws it: bottom row first, and twice as large if `Offscreen.is_soft`.
+    """One camera's image as OpenGL draws it: bottom row first, and twice as large if `Offscreen.is_supersampled`.
 
     Attributes:
         rgb: (rows, columns, 3) uint8.
@@ -63,7 +63,7 @@ class Offscreen:
     Attributes:
         quality: as given.
         aspect: width of the images over their height.
-        is_soft: whether images are drawn twice as large and averaged.
+        is_supersampled: whether images are drawn twice as large and averaged.
         is_coarse: whether coarse meshes are drawn.
         margin: factor by which the drawn view is larger than the image's.
         free: frees all OpenGL resources; called at interpreter exit if not before.
@@ -74,10 +74,10 @@ class Offscreen:
         self._model = model
         self.quality = quality
         self.aspect = width / height
-        self.is_soft = quality.is_soft and max(height, width) <= SOFT_PX
+        self.is_supersampled = quality.is_supersampled and max(height, width) <= SOFT_PX
         self.is_coarse = max(height, width) <= COARSE_PX
         self.margin = 1.0
-        if self.is_soft:
+        if self.is_supersampled:
             # Half a pixel more on each side, so that each image pixel's middle is the middle of a drawn pixel
             # that has neighbours.
             self.margin = 1 + 0.5 / height
@@ -93,7 +93,7 @@ class Offscreen:
         except (AttributeError, ImportError, RuntimeError, ValueError, mujoco.FatalError) as error:
             raise missing_gl(error) from error
         self._gl = gl
-        if self.is_soft:
+        if self.is_supersampled:
             self._simplify_textures()
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
         self._mjr.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
@@ -129,7 +129,7 @@ class Offscreen:
 
     def rgb(self, drawn: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The colours of an image (height, width, 3), top row first, from those that were drawn."""
-        if not self.is_soft:
+        if not self.is_supersampled:
             return np.ascontiguousarray(drawn[::-1])
         # 1 2 1 along columns, then along rows; as lines of bytes NumPy goes several times as fast.
         lines = drawn.reshape(len(drawn), -1)
@@ -147,7 +147,7 @@ class Offscreen:
 
     def centres[Number: np.generic](self, drawn: NDArray[Number]) -> NDArray[Number]:
         """What was drawn (rows, columns) at the middles of an image's pixels, top row first."""
-        return drawn[::-1][1::2, 1::2] if self.is_soft else drawn[::-1]
+        return drawn[::-1][1::2, 1::2] if self.is_supersampled else drawn[::-1]
 
     def depth_m(self, nearness: NDArray[np.float32]) -> NDArray[np.float32]:
         """Metres along the optical axis, of the same shape."""

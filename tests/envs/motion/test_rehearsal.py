@@ -107,7 +107,7 @@ def _posture(arm: Arm, pose: Pose) -> np.ndarray:
 
 def free_motion(checker: CollisionChecker, *motion) -> CollisionRules:
     """Rules of a motion that begins now."""
-    checker.look()
+    checker.update_from_scene()
     return checker.free_motion_rules(*motion)
 
 
