@@ -34,7 +34,7 @@ def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, 
     return versions
 
 
-def other_c_library(versions: Mapping[str, str]) -> str:
+def libc_mismatch(versions: Mapping[str, str]) -> str:
     """A note that the recorded C library differs from that of this process; empty if it is equal or was not recorded."""
     here = installed_versions([C_LIBRARY])[C_LIBRARY]
     made = versions.get(C_LIBRARY, here)

@@ -40,23 +40,23 @@ def termination_as_system_exit() -> Iterator[None]:
     Raises:
         SystemExit: with 128 and the signal's number.
     """
-    came: list[int] = []
+    received_signals: list[int] = []
     alarms: list[Any] = []
 
     def leave(number: int, _: FrameType | None) -> None:
-        came.append(number)
+        received_signals.append(number)
         if not isinstance(sys.exception(), SystemExit):
             # Finalizers and hooks of forks swallow what is raised in them, so it is raised again until something unwinds.
             alarms.append(signal.signal(signal.SIGALRM, leave))
             signal.alarm(RERAISE_INTERVAL_S)
-            raise SystemExit(128 + came[0])
+            raise SystemExit(128 + received_signals[0])
 
     try:
         with signal_handled(signal.SIGTERM, leave), signal_handled(signal.SIGHUP, leave):
             yield
     except Exception as error:
-        if came:  # C++ code that calls Python answers with an error of its own
-            raise SystemExit(128 + came[0]) from error
+        if received_signals:  # C++ code that calls Python answers with an error of its own
+            raise SystemExit(128 + received_signals[0]) from error
         raise
     finally:
         if alarms:

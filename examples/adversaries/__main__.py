@@ -19,9 +19,9 @@ def main() -> None:
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.episodes)
     for task, arm in (*SOLVED_BY_ONE_ARM, *UNSOLVED_BY_ONE_ARM):
         if task in resolve_tasks(arguments.task):
-            solved, but_for_the_way = tally(task, Arm(arm), seeds)
+            solved, solved_by_end_state = tally(task, Arm(arm), seeds)
             text = f"{task}: {arm} arm alone solves {len(solved)} of {len(seeds)}"
-            print(f"{text}, {len(but_for_the_way)} if what happened on the way did not count")
+            print(f"{text}, {len(solved_by_end_state)} if what happened on the way did not count")
 
 
 if __name__ == "__main__":

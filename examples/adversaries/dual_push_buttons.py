@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from adversaries.hand import Hand, Moves
-from adversaries.ways import Way, every_choice
+from adversaries.ways import Way, parameter_grid
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -19,7 +19,7 @@ HOVER_M, PRESS_M = 0.12, 0.028
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Fingertips on either button, the hand pitched up more or less, rolled, and in several postures of the arm."""
     hand = {"pitch_rad": np.deg2rad((8.0, 15.0)), "far": (LEFT, RIGHT), "roll": (1, -1)}
-    return every_choice(_alone, arm=[arm], **hand, which=(0, 1))
+    return parameter_grid(_alone, arm=[arm], **hand, which=(0, 1))
 
 
 def _alone(env: BimanualEnv, arm: Arm, far: str, pitch_rad: float, roll: int, which: int) -> Moves:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from adversaries.hand import Hand, Moves
-from adversaries.ways import Way, every_choice
+from adversaries.ways import Way, parameter_grid
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -16,7 +16,7 @@ GAP_M = 0.05
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Every choice of how far the hand presses into the ball, how low, and how fast it goes up."""
-    return every_choice(_alone, arm=[arm], press_m=(0.03, 0.08), low_m=(0.0, -0.06), speed_m_s=(0.2, 0.6))
+    return parameter_grid(_alone, arm=[arm], press_m=(0.03, 0.08), low_m=(0.0, -0.06), speed_m_s=(0.2, 0.6))
 
 
 def _alone(env: BimanualEnv, arm: Arm, press_m: float, low_m: float, speed_m_s: float) -> Moves:

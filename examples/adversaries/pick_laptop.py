@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from adversaries.ways import Way, alone, every_choice, rehearsed
+from adversaries.ways import Way, alone, parameter_grid, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -26,7 +26,7 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Over any of the four edges, pushed by a hand of either roll, gripped at either roll and several tilts."""
     either, tilts_rad = (1, -1), np.deg2rad((10.0, 30.0))
     chosen = {"tilt_rad": tilts_rad, "quarter": range(4), "roll": either, "side": either}
-    return rehearsed(env, every_choice(_over_the_edge, arm=[arm], **chosen))
+    return rehearsed(env, parameter_grid(_over_the_edge, arm=[arm], **chosen))
 
 
 def _over_the_edge(

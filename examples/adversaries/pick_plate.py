@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from adversaries.hand import Hand, Moves
-from adversaries.ways import Way, every_choice
+from adversaries.ways import Way, parameter_grid
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -24,11 +24,11 @@ STEEP_RAD, DEEP_M = np.deg2rad(60.0), 0.014
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The hand may be rolled either way round."""
-    for way in (_where_it_lies, _over_the_edge):
-        yield from every_choice(way, arm=[arm], roll=(1, -1))
+    for way in (_grasp_rim_on_table, _over_the_edge):
+        yield from parameter_grid(way, arm=[arm], roll=(1, -1))
 
 
-def _where_it_lies(env: BimanualEnv, arm: Arm, roll: int) -> Moves:
+def _grasp_rim_on_table(env: BimanualEnv, arm: Arm, roll: int) -> Moves:
     """Jam the lower finger between table and rim, with more force than a real arm allows itself, and close."""
     hand, plate = Hand(env, arm), env.scene.pose("plate")
     away, up = plate.rotation[:, 1], np.array([0.0, 0.0, 1.0])

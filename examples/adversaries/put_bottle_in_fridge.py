@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from adversaries.hand import Hand, Moves
-from adversaries.ways import Way, every_choice
+from adversaries.ways import Way, parameter_grid
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -24,7 +24,7 @@ OPEN_DEG = 80.0
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """By the door's free edge below the bar, dragged nearer or further, or by friction on the bar's side."""
-    return every_choice(_alone, arm=[arm], press_m=(0.045, 0.06), out_m=(0.12, 0.15), height_m=(0.40, 0.38))
+    return parameter_grid(_alone, arm=[arm], press_m=(0.045, 0.06), out_m=(0.12, 0.15), height_m=(0.40, 0.38))
 
 
 def _alone(env: BimanualEnv, arm: Arm, press_m: float, out_m: float, height_m: float) -> Moves:

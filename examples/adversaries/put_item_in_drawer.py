@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from adversaries.ways import Way, alone, every_choice, rehearsed
+from adversaries.ways import Way, alone, parameter_grid, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -41,7 +41,7 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     item, base_m = env.scene.pose(ITEM.name), env.scene.arm_pair.base_pose(arm).position
     level = env.progress.variation.words["level"]
     of_bar = {"straight": (True, False), "pitch_rad": BAR_PITCHES_RAD, "side": (1, -1)}
-    scripts = every_choice(_in_turn, arm=[arm], level=[level], **of_bar, grip=grips(item, base_m))
+    scripts = parameter_grid(_in_turn, arm=[arm], level=[level], **of_bar, grip=grips(item, base_m))
     return rehearsed(env, scripts)
 
 

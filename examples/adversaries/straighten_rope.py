@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from adversaries.hand import Hand, Moves
-from adversaries.ways import Way, every_choice
+from adversaries.ways import Way, parameter_grid
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -19,7 +19,7 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Either end first, dragged beyond its plate by either share; the second end slowly or with a jerk."""
     tail, head = (ROPE.tail, "tail_plate"), (ROPE.head, "head_plate")
     ends = ((tail, head), (head, tail))
-    return every_choice(_alone, arm=[arm], speed_m_s=(0.3, 1.2), beyond=(0.2, 0.4), ends=ends)
+    return parameter_grid(_alone, arm=[arm], speed_m_s=(0.3, 1.2), beyond=(0.2, 0.4), ends=ends)
 
 
 def _alone(env: BimanualEnv, arm: Arm, speed_m_s: float, beyond: float, ends) -> Moves:

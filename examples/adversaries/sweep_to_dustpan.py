@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from adversaries.hand import Hand, Moves
-from adversaries.ways import Way, every_choice
+from adversaries.ways import Way, parameter_grid
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
@@ -23,11 +23,11 @@ PICK_Z_M, CARRY_Z_M, DROP_Z_M = 0.014, 0.060, 0.075
 def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The left arm reaches the broom, the right one the pan's handle and the lumps."""
     if arm is Arm.LEFT:
-        yield from every_choice(_strike, arm=[arm], stop_m=(0.14, 0.12), speed_m_s=(0.7, 0.8, 0.9))
+        yield from parameter_grid(_strike, arm=[arm], stop_m=(0.14, 0.12), speed_m_s=(0.7, 0.8, 0.9))
     else:
-        yield from every_choice(_pick_up, arm=[arm], order=(1, -1))
+        yield from parameter_grid(_pick_up, arm=[arm], order=(1, -1))
         angles_rad = map(np.deg2rad, product((80, 45), (30, 50)))
-        yield from every_choice(_scoop, arm=[arm], height_m=(0.33, 0.30), angles_rad=angles_rad)
+        yield from parameter_grid(_scoop, arm=[arm], height_m=(0.33, 0.30), angles_rad=angles_rad)
 
 
 def _scoop(env: BimanualEnv, arm: Arm, height_m: float, angles_rad: np.ndarray) -> Moves:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from adversaries.ways import Way, alone, every_choice, rehearsed
+from adversaries.ways import Way, alone, parameter_grid, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.env import BimanualEnv
@@ -20,7 +20,7 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     either = (False, True)
     doors_rad = map(np.deg2rad, ((17, 34, 50), (15, 30)))
     places = {"handle_y_m": (-0.06, 0.0, 0.06), "door_rad": doors_rad}
-    scripts = every_choice(_in_turn, arm=[arm], **places, bar_swapped=either, tray_swapped=either)
+    scripts = parameter_grid(_in_turn, arm=[arm], **places, bar_swapped=either, tray_swapped=either)
     return rehearsed(env, scripts)
 
 

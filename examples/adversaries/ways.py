@@ -52,7 +52,7 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterable[Way]:
     return importlib.import_module(f"{__package__}.{module}").ways(env, arm)
 
 
-def every_choice(function: Callable, **choices: Iterable) -> Iterator[partial]:
+def parameter_grid(function: Callable, **choices: Iterable) -> Iterator[partial]:
     """The function with every combination of the given arguments; the last argument changes first."""
     return (partial(function, **dict(zip(choices, each, strict=True))) for each in product(*choices.values()))
 
@@ -95,13 +95,13 @@ def one_armed(arm: Arm) -> Player:
 
 def tally(task: str, arm: Arm, seeds: Iterable[int]) -> tuple[list[int], list[int]]:
     """The seeds that are solved, and those that would be if only the end counted, not what happened on the way."""
-    env, solved, but_for_the_way = BimanualEnv(task, split="test", obs="state"), [], []
+    env, solved, solved_by_end_state = BimanualEnv(task, split="test", obs="state"), [], []
     for seed in seeds:
         outcome = run_episode(env, seed, one_armed(arm))
         solved += [seed] * outcome.success
-        but_for_the_way += [seed] * _only_the_way_is_unmet(env)
+        solved_by_end_state += [seed] * _has_met_end_conditions(env)
     env.close()
-    return solved, but_for_the_way
+    return solved, solved_by_end_state
 
 
 def _rank(env: BimanualEnv, way: Way) -> int:
@@ -112,12 +112,12 @@ def _rank(env: BimanualEnv, way: Way) -> int:
             _, _, terminated, truncated, _ = env.step(move.action)
             if terminated or truncated:
                 break
-    rank = 2 if env.progress.succeeded else int(_only_the_way_is_unmet(env))
+    rank = 2 if env.progress.succeeded else int(_has_met_end_conditions(env))
     env.restore_state(state)
     return rank
 
 
-def _only_the_way_is_unmet(env: BimanualEnv) -> bool:
+def _has_met_end_conditions(env: BimanualEnv) -> bool:
     conditions = env.task_definition.conditions(env.progress.variation)
     unmet = [each for each in conditions if not env.progress.conditions[each.name]]
     return all(isinstance(each, OnTheWay) for each in unmet)

@@ -31,8 +31,8 @@ def cells(config: BenchmarkConfig, tasks: Sequence[str]) -> list[BenchmarkConfig
     """
     check_range("lanes", config.lanes, 1)
     policies = config.policy.split(",")
-    meant = PROTOCOLS[config.protocol].tasks if config.protocol in PROTOCOLS else ()
-    tasks = [task for task in tasks if task in meant] or tasks
+    protocol_tasks = PROTOCOLS[config.protocol].tasks if config.protocol in PROTOCOLS else ()
+    tasks = [task for task in tasks if task in protocol_tasks] or tasks
     found = [
         replace(config, task=task, policy=policy, lanes=1, dry_run=False)
         for task in tasks

@@ -178,7 +178,7 @@ class Pipeline:
         inputs = {str(path): sha256(path) for path in command.inputs}
         new = Marker(command=str(command), inputs=inputs, done=False, seconds=0.0)
         found = Marker.read(path) if (path := self._path(command)).is_file() else new
-        return found if _same(found.command, str(command)) and found.inputs == inputs else new
+        return found if _has_same_output(found.command, str(command)) and found.inputs == inputs else new
 
     def _path(self, command: Command) -> Path:
         return self._folder / f"{command.name}.command.json"
@@ -196,7 +196,7 @@ class Pipeline:
             shutil.rmtree(folder, ignore_errors=True)
             return None
         path = self._path(command)
-        if not path.is_file() or not _same(Marker.read(path).command, str(command)):
+        if not path.is_file() or not _has_same_output(Marker.read(path).command, str(command)):
             raise BimanualError(
                 f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
                 f"remove the folder to train anew with: {command}"
@@ -207,7 +207,7 @@ class Pipeline:
         return [*words, "--trust_checkpoint=true", "--resume=true", *kept]
 
 
-def _same(first: str, second: str) -> bool:
+def _has_same_output(first: str, second: str) -> bool:
     """Whether two commands have the same output."""
     return re.sub(IRRELEVANT_FLAGS, "", first) == re.sub(IRRELEVANT_FLAGS, "", second)
 

@@ -128,7 +128,7 @@ class Plan:
             "plans": "" if settings.demos_plans == "one" else settings.demos_plans,
             "workers": self.workers,
         }
-        words = ["lerobot-bimanual", "dataset", "generate", *flag_words(_given(options))]
+        words = ["lerobot-bimanual", "dataset", "generate", *flag_words(_without_empty_options(options))]
         return Command(f"generate_{self.dataset.name}", words, output=self.dataset)
 
     def baseline(self, player: str) -> Command:
@@ -146,7 +146,7 @@ class Plan:
             "workers": self.workers,
             "output": str(report),
         }
-        words = ["lerobot-bimanual", "expert", "evaluate", *flag_words(_given(options))]
+        words = ["lerobot-bimanual", "expert", "evaluate", *flag_words(_without_empty_options(options))]
         return Command(report.stem, words, output=report, allows_exit_code_1=True)
 
     def training(self) -> Command:
@@ -163,7 +163,7 @@ class Plan:
             "seed": settings.seed,
             "output_dir": str(folder),
         }
-        words = ["lerobot-bimanual-train", *flag_words(_given(options) | settings.training)]
+        words = ["lerobot-bimanual-train", *flag_words(_without_empty_options(options) | settings.training)]
         return Command("train", words, self.checkpoint(settings.steps), training_folder=folder)
 
     def evaluation(self, split: ScoredSplit, step: int) -> Command:
@@ -189,7 +189,7 @@ class Plan:
             "seed": seeds.start,
             "output_dir": str(folder),
         }
-        words = ["lerobot-eval", *flag_words(_given(options) | settings.evaluation)]
+        words = ["lerobot-eval", *flag_words(_without_empty_options(options) | settings.evaluation)]
         return Command(folder.name, words, folder / "eval_info.json", inputs=(self.weights(step),))
 
     def commands(self, step: int) -> Iterator[Command]:
@@ -219,6 +219,6 @@ class Plan:
         return f"benchmark/{self.source.name}"
 
 
-def _given(options: Mapping[str, Any]) -> dict[str, Any]:
+def _without_empty_options(options: Mapping[str, Any]) -> dict[str, Any]:
     """Options without those that are empty."""
     return {name: value for name, value in options.items() if value not in (None, "")}

@@ -91,7 +91,7 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
             measurement would be replaced.
     """
     settings = plan.settings
-    if (made := _made_before(plan)) is not None:
+    if (made := _existing_result(plan)) is not None:
         return made
     shared = Pipeline(plan.folder, console)
     worlds, reports = {}, {}
@@ -173,7 +173,7 @@ def report(result: BenchmarkResult, plan: Plan, console: Console) -> None:
         console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
 
 
-def _made_before(plan: Plan) -> BenchmarkResult | None:
+def _existing_result(plan: Plan) -> BenchmarkResult | None:
     """The result of the same measurement if it is there already; that of another one is an error."""
     advice = "choose another --output"
     if not plan.result.exists():
@@ -183,7 +183,9 @@ def _made_before(plan: Plan) -> BenchmarkResult | None:
     except BadRecord as error:
         raise BadRecord(f"{error}; {advice}, or move the file") from error
     for name in BenchmarkSettings.model_fields:
-        got, asked = (_decisive(getattr(settings, name)) for settings in (made.config, plan.settings))
+        got, asked = (
+            _without_incidental_options(getattr(settings, name)) for settings in (made.config, plan.settings)
+        )
         if got != asked:
             raise BimanualError(
                 f"{plan.result} would be replaced: its {name} is {got!r}, not {asked!r}; {advice}"
@@ -191,7 +193,7 @@ def _made_before(plan: Plan) -> BenchmarkResult | None:
     return made
 
 
-def _decisive(value: Any) -> Any:
+def _without_incidental_options(value: Any) -> Any:
     """A setting without the options of the training that decide nothing."""
     if not isinstance(value, dict):
         return value

@@ -67,7 +67,7 @@ class Calibration(Record):
         intrinsics = np.concatenate([self.intrinsics[name] for name in CAMERA_NAMES])
         return extrinsics.astype(np.float32), intrinsics.astype(np.float32)
 
-    def rest(self, columns: Mapping[str, Any]) -> dict[str, Any]:
+    def row_without_calibration(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """What a row holds beside this calibration, of all columns of an observation.
 
         Raises:

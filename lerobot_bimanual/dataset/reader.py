@@ -32,7 +32,9 @@ MAX_TABLE_BYTES = 2**31
 IMAGE_TYPES = ("video", "image")
 EPISODE_INDEX = "episode_index"
 TASKS_FILE = Path("meta", "tasks.parquet")
-PLACES = {"timestamp": pa.float32()} | dict.fromkeys(("frame_index", "index", "task_index"), pa.int64())
+LEROBOT_COLUMNS = {"timestamp": pa.float32()} | dict.fromkeys(
+    ("frame_index", "index", "task_index"), pa.int64()
+)
 """LeRobot's own columns, by which it finds a row's images, the rows before and after it, and its sentence."""
 TIMESTAMP_TOLERANCE_S = 1e-4  # LeRobot's
 
@@ -109,13 +111,15 @@ class RecordedDataset:
         if not (isinstance(tasks := entry["tasks"], list) and len(tasks) == 1):
             raise DatasetError(f"meta/episodes gives episode {index} the tasks {tasks}, not one sentence")
         path = stored_file(self.root, entry, "data")
-        table = read_table(path, columns=[*self._types, *PLACES], filters=[(EPISODE_INDEX, "=", index)])
+        table = read_table(
+            path, columns=[*self._types, *LEROBOT_COLUMNS], filters=[(EPISODE_INDEX, "=", index)]
+        )
         if table.num_rows != entry["length"] or not table.num_rows:
             raise DatasetError(
                 f"episode {index} of {self.root} has {table.num_rows} rows in {path.name}, but its metadata says "
                 f"{entry['length']}: the dataset is incomplete, generate it again"
             )
-        if wrong := self._misplaced(index, entry, table, path):
+        if wrong := self._inconsistent_fields(index, entry, table, path):
             raise DatasetError(
                 f"{', '.join(wrong)} of episode {index} of {self.root} lead LeRobot to other rows, images or sentences: generate "
                 "the dataset again"
@@ -130,18 +134,21 @@ class RecordedDataset:
         )
         return RecordedEpisode(index, meta, arrays)
 
-    def _misplaced(self, index: int, entry: dict[str, Any], table: pa.Table, path: Path) -> list[str]:
+    def _inconsistent_fields(
+        self, index: int, entry: dict[str, Any], table: pa.Table, path: Path
+    ) -> list[str]:
         """Names of the columns and entries by which LeRobot finds an episode's rows in this file and that contradict them."""
         rows, first = np.arange(table.num_rows), self._ends[index] - table.num_rows
-        places = [_to_numpy(table, name, kind, path) for name, kind in PLACES.items()]
+        places = [_to_numpy(table, name, kind, path) for name, kind in LEROBOT_COLUMNS.items()]
         timestamp_s, frame_index, position, task_index = places
-        late_s = np.abs(timestamp_s - rows / self.info["fps"])
-        told = _sentences(self.root / TASKS_FILE)
+        timestamp_error_s = np.abs(timestamp_s - rows / self.info["fps"])
+        sentence_by_task_index = _sentences(self.root / TASKS_FILE)
         is_right = {
-            "timestamp": (late_s < TIMESTAMP_TOLERANCE_S).all(),
+            "timestamp": (timestamp_error_s < TIMESTAMP_TOLERANCE_S).all(),
             "frame_index": np.array_equal(frame_index, rows),
             "index": np.array_equal(position, first + rows),
-            "task_index": [told.get(number) for number in np.unique(task_index)] == entry["tasks"],
+            "task_index": [sentence_by_task_index.get(number) for number in np.unique(task_index)]
+            == entry["tasks"],
             "dataset_from_index": entry["dataset_from_index"] == first,
             "dataset_to_index": entry["dataset_to_index"] == self._ends[index],
         }

@@ -113,7 +113,7 @@ class ViewWriter:
             DatasetError: the row has another calibration than all others.
         """
         frame = row_columns(episode, row, self.view)
-        frame = frame if self._calibration is None else self._calibration.rest(frame)
+        frame = frame if self._calibration is None else self._calibration.row_without_calibration(frame)
         for camera in self._cameras:
             rgb, depth = schema.image_key(camera), schema.depth_key(camera)
             frame[rgb] = images[rgb]
@@ -128,9 +128,9 @@ class ViewWriter:
 
 def write_episode(episode: Demonstration, writers: Sequence[ViewWriter]) -> None:
     """Write an episode into several views at once, asking for the images of each row only once."""
-    wanted = [set(rows_of_view(episode, writer.view, writer.intermediate)) for writer in writers]
+    rows_per_writer = [set(rows_of_view(episode, writer.view, writer.intermediate)) for writer in writers]
     for row in range(episode.rows):
-        users = [writer for writer, rows in zip(writers, wanted, strict=True) if row in rows]
+        users = [writer for writer, rows in zip(writers, rows_per_writer, strict=True) if row in rows]
         images = episode.images(row) if users else {}
         for writer in users:
             writer.add_row(episode, row, images)

@@ -44,7 +44,7 @@ def test_lerobot_loads_what_was_written_and_our_reader_decodes_the_same(
         item = dataset[rows + position]
         assert isinstance(item, dict)
         assert item["task"] == "lift the ball"
-        for key, value in calibration.rest(row_columns(episode, row, view)).items():
+        for key, value in calibration.row_without_calibration(row_columns(episode, row, view)).items():
             assert np.array_equal(np.atleast_1d(item[key]), np.atleast_1d(value)), (row, key)
             assert np.array_equal(ours.columns[key][position], np.squeeze(value)), (row, key)
         for camera in CAMERAS:

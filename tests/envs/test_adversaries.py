@@ -27,13 +27,13 @@ def test_one_arm_does_a_task_that_needs_no_two_while_the_other_stays_at_home(tas
 
 @pytest.mark.parametrize(("task", "arm"), UNSOLVED_BY_ONE_ARM)
 def test_no_known_way_does_a_task_with_one_arm(task, arm):
-    solved, but_for_the_way = tally(task, Arm(arm), range(1_200_000, 1_200_003))
+    solved, solved_by_end_state = tally(task, Arm(arm), range(1_200_000, 1_200_003))
     assert not solved
     # Without the conditions on the way they do it.
     if (task, arm) == ("sweep_to_dustpan", "left") or task.startswith(
         ("pick_plate", "put_bottle", "handover")
     ):
-        assert len(but_for_the_way) >= 2
+        assert len(solved_by_end_state) >= 2
 
 
 @pytest.mark.parametrize("setting", SETTINGS)

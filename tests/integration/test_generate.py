@@ -67,7 +67,9 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
                 assert np.array_equal(np.rint(rgb), observation["pixels"][camera])
                 depth_mm = observation[env_key(schema.depth_key(camera))]
                 assert np.abs(item[schema.depth_key(camera)].numpy() - depth_mm).max() < 1
-            seen = dataset.calibration.rest({key: observation[env_key(key)] for key in schema.VECTORS})
+            seen = dataset.calibration.row_without_calibration(
+                {key: observation[env_key(key)] for key in schema.VECTORS}
+            )
             for key in (schema.STATE, schema.EE_POSE, schema.WRIST_EXTRINSICS):
                 assert np.array_equal(item[key], seen[key]), key
         if action is not None:

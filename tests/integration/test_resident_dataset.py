@@ -17,7 +17,7 @@ from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual.training import resident_dataset, train
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
-from lerobot_policy_bimanual.training.train import AcceleratorWithMemory, check_training, images_read
+from lerobot_policy_bimanual.training.train import AcceleratorWithMemory, check_training, input_image_keys
 
 CPU = torch.device("cpu")
 LEARNT_WITH = {
@@ -90,7 +90,7 @@ def test_a_policy_reads_the_images_that_it_names_and_all_if_it_names_none(genera
 
     def read(renamed: dict[str, str], *inputs: str) -> set[str]:
         policy = ACTConfig(input_features=dict.fromkeys(inputs, seen), device="cpu")
-        return images_read(SimpleNamespace(policy=policy, rename_map=renamed), meta)
+        return input_image_keys(SimpleNamespace(policy=policy, rename_map=renamed), meta)
 
     assert read({}) == set(meta.camera_keys)
     assert read({}, front) == {front}

@@ -34,7 +34,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
         lerobot-bimanual results verify --results=results/leaderboard --sample=5
         lerobot-bimanual results verify --results=outputs/eval/lift_ball_test_record.json
     """
-    from lerobot_bimanual.distributions import other_c_library
+    from lerobot_bimanual.distributions import libc_mismatch
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, map_episodes
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
@@ -61,7 +61,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
             of_episodes = zip(episodes, found, strict=True)
             problems += [f"seed {episode.seed}: {text}" for episode, texts in of_episodes for text in texts]
             verdict = "NOT as claimed" if problems else "as claimed"
-            if problems and (other := other_c_library(result.record.versions)):
+            if problems and (other := libc_mismatch(result.record.versions)):
                 verdict = f"inconclusive, {other}"
             say(f"{path}: {verdict}, {len(episodes)} episodes replayed", *(f"  {text}" for text in problems))
             failed |= bool(problems)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
-from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions, other_c_library
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions, libc_mismatch
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
 from lerobot_env_bimanual.conditions import OnTheWay
 from lerobot_env_bimanual.env import BimanualEnv
@@ -133,7 +133,7 @@ def simulation_difference(provenance: Provenance | None) -> str:
     ]
     if other:
         return f"it holds {', '.join(other)}, where the same seeds mean other episodes"
-    return other_c_library(provenance.versions)
+    return libc_mismatch(provenance.versions)
 
 
 def _task_facts(task: Task) -> Iterator[str]:

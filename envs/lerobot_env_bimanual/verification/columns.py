@@ -63,7 +63,7 @@ def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demo
     rows = [row for row, tick in enumerate(ticks) if tick in expected]
     wanted = [row_columns(played, int(ticks[row]), dataset.view) for row in rows]
     if dataset.calibration is not None:
-        wanted = [dataset.calibration.rest(columns) for columns in wanted]
+        wanted = [dataset.calibration.row_without_calibration(columns) for columns in wanted]
     for key in stored.columns if rows else ():
         values = np.stack([np.squeeze(columns[key]) for columns in wanted])
         differs = np.zeros(len(stored), bool)

@@ -94,20 +94,20 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
                 )
                 break  # the others differ likewise
         config.input_features = before and before | stored  # a further camera is one more part of the cloud
-    most = CODE_HORIZON - 1 if stats is None else np.max(stats.get(KEYPOSE_STEP, {}).get("max", np.nan))
+    max_step = CODE_HORIZON - 1 if stats is None else np.max(stats.get(KEYPOSE_STEP, {}).get("max", np.nan))
     if not config.use_keypose_step:
         pass
     elif config.keypose_horizon is None:
-        if not np.isfinite(most):
+        if not np.isfinite(max_step):
             raise BadConfig(
                 f"keypose_horizon is not set, and the dataset's statistics have no largest {KEYPOSE_STEP} to compute it from: "
                 "set --policy.keypose_horizon"
             )
-        config.keypose_horizon = max(2, 1 + round(float(most)))
+        config.keypose_horizon = max(2, 1 + round(float(max_step)))
         check_fields(config)
-    elif stats is not None and most >= config.keypose_horizon:
+    elif stats is not None and max_step >= config.keypose_horizon:
         _log.warning(
-            f"this dataset has episodes of {most:.0f} keyposes, but the policy distinguishes only {config.keypose_horizon} "
+            f"this dataset has episodes of {max_step:.0f} keyposes, but the policy distinguishes only {config.keypose_horizon} "
             "(keypose_horizon)"
         )
     if stats and ACTION in stats:

@@ -93,9 +93,9 @@ class LeaderFollower(nn.Module):
             proprio.device
         ):  # in half precision a position would be rounded to parts of a voxel
             goal = targets[leading] or leader.best()
-        told = torch.cat([bodies[following], self._numbers(goal)], dim=-1)
-        seen = scene if self.mark is None else self.mark(scene, goal.voxel_position[:, 0])
-        follower = self.follower(seen, told, language, targets[following])
+        follower_proprio = torch.cat([bodies[following], self._numbers(goal)], dim=-1)
+        follower_scene = scene if self.mark is None else self.mark(scene, goal.voxel_position[:, 0])
+        follower = self.follower(follower_scene, follower_proprio, language, targets[following])
         predictions = {leading: leader, following: follower}
         return join_arms([predictions[arm] for arm in ARMS])
 

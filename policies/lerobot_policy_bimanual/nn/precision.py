@@ -33,7 +33,7 @@ class _WithoutTF32:
 
     def __enter__(self):
         with self._lock:
-            if self._inside == 0 and (was_on := _tf32_is_on()):
+            if self._inside == 0 and (was_on := _is_tf32_enabled()):
                 torch.backends.cuda.matmul.allow_tf32, self._was_on = False, was_on
             self._inside += 1
 
@@ -47,7 +47,7 @@ class _WithoutTF32:
 _WITHOUT_TF32 = _WithoutTF32()
 
 
-def _tf32_is_on() -> bool:
+def _is_tf32_enabled() -> bool:
     """Read PyTorch's newer setting where it exists, because the older one raises after the newer one was used."""
     matmul = torch.backends.cuda.matmul
     if hasattr(matmul, "fp32_precision"):

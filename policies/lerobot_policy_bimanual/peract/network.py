@@ -162,8 +162,8 @@ class FirstArmGoalEncoder(nn.Module):
         lattice = torch.stack(torch.meshgrid(centres, centres, centres, indexing="ij"), dim=-1)
         offset = (voxel[:, None, None, None] - lattice) / PATCH  # (b, p, p, p, 3), in patches
         distance = offset.norm(dim=-1, keepdim=True)
-        told = self.layers(torch.cat([offset, distance], dim=-1)).movedim(-1, 1)
-        return torch.stack([answers[:, 0], answers[:, 1] + told], dim=1)
+        goal_features = self.layers(torch.cat([offset, distance], dim=-1)).movedim(-1, 1)
+        return torch.stack([answers[:, 0], answers[:, 1] + goal_features], dim=1)
 
 
 def _mlp(inputs: int, first: int, second: int, outputs: int) -> nn.Sequential:

@@ -103,7 +103,7 @@ class _Read(torch.autograd.Function):
         tokens = F.linear(stem.flatten(4).flatten(1, 3), patch_weight, patch_bias)
         planes = [reduce(torch.maximum, _slices(stem, axis)) for axis in range(3)]
         ctx.save_for_backward(rows, stem, patch_weight, *planes)
-        return tokens, *(_plain(plane) for plane in planes)
+        return tokens, *(_patches_to_grid(plane) for plane in planes)
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
@@ -115,7 +115,7 @@ class _Read(torch.autograd.Function):
         offsets = row_offsets(PATCH * rows.shape[1], rows.device)
         for axis, (plane, grad_plane) in enumerate(zip(planes, grad_planes, strict=True)):
             first, second = (offset for other, offset in enumerate(offsets) if other != axis)
-            winner = _plain(_winner(_slices(stem, axis), plane))
+            winner = _patches_to_grid(_winner(_slices(stem, axis), plane))
             row = offsets[axis][winner.int()] + (first[:, None] + second)[..., None]
             grad.scatter_add_(1, row.flatten(1, 2), grad_plane.flatten(1, 2))
         grad = torch.ops.aten.leaky_relu_backward(grad.view_as(stem), stem, LEAK, True)
@@ -146,6 +146,6 @@ def _winner(slices: list[Tensor], best: Tensor) -> Tensor:
     return (rank / -TIE_BREAK).to(torch.int16)
 
 
-def _plain(plane: Tensor) -> Tensor:
+def _patches_to_grid(plane: Tensor) -> Tensor:
     """(b, p, p, i, j, c) to (b, v, v, c)."""
     return plane.transpose(2, 3).flatten(3, 4).flatten(1, 2)

@@ -134,11 +134,11 @@ class _Interpolate(torch.autograd.Function):
         ):
             for start, window in _chunks(sample, PATCH * height * width * outputs):
                 first, end = 1 + PATCH * start, 1 + PATCH * (start + len(window))
-                grad = _leave_activation(grad_planes[first:end], planes[first:end])
+                grad = _leaky_relu_gradient(grad_planes[first:end], planes[first:end])
                 if start == 0:  # the border repeats the first plane and the last one
-                    grad[0] += _leave_activation(grad_planes[0], planes[0])
+                    grad[0] += _leaky_relu_gradient(grad_planes[0], planes[0])
                 if end == len(planes) - 1:
-                    grad[-1] += _leave_activation(grad_planes[-1], planes[-1])
+                    grad[-1] += _leaky_relu_gradient(grad_planes[-1], planes[-1])
                 grad_bias += grad.flatten(0, 2).sum(0)
                 rows = along_z.T @ grad.view(-1, width, outputs)
                 rows = rows.view(-1, height, KERNEL, Z * outputs).transpose(1, 2)
@@ -157,6 +157,6 @@ def _chunks(sample: Tensor, outputs_per_plane: int) -> list[tuple[int, Tensor]]:
     return [(start, sample[start : start + size]) for start in range(0, len(sample), size)]
 
 
-def _leave_activation(grad: Tensor, activated: Tensor) -> Tensor:
+def _leaky_relu_gradient(grad: Tensor, activated: Tensor) -> Tensor:
     """Gradient before the LeakyReLU from the one behind it, in a fresh contiguous tensor."""
     return torch.ops.aten.leaky_relu_backward(grad.contiguous(), activated, LEAK, True)

@@ -75,14 +75,14 @@ class ResidentDataset(Dataset):
             columns = {key: value for key, value in row.items() if isinstance(value, Tensor)}
             tensors = {key: self._packed(key, value) for key, value in columns.items()}
             if index == 0:
-                self._columns = _room_for(len(dataset), tensors, device)
+                self._columns = _allocate_columns(len(dataset), tensors, device)
             for key, value in tensors.items():
                 self._columns[key][index] = value
             self._texts.append({key: value for key, value in row.items() if key not in tensors})
-        asked_for = get_delta_indices(dataset.delta_timestamps or {}, dataset.fps)
+        delta_indices = get_delta_indices(dataset.delta_timestamps or {}, dataset.fps)
         self._offsets = {
             key: torch.tensor(offsets, device=device)
-            for key, offsets in asked_for.items()
+            for key, offsets in delta_indices.items()
             if key in self._columns
         }
 
@@ -111,18 +111,18 @@ class ResidentDataset(Dataset):
             for key in LANGUAGE_COLUMNS
             if key in self._texts[0]
         }
-        return dict(self._looked_up(rows.to(self._first.device))) | texts | language
+        return dict(self._select_rows(rows.to(self._first.device))) | texts | language
 
-    def _looked_up(self, rows: Tensor) -> Iterator[tuple[str, Tensor]]:
+    def _select_rows(self, rows: Tensor) -> Iterator[tuple[str, Tensor]]:
         """Yield the columns of rows (batch,), and their padding masks."""
         first, last = self._first[rows, None], self._last[rows, None]
         for key, column in self._columns.items():
             if (offsets := self._offsets.get(key)) is None:
                 yield key, self._unpacked(key, column.index_select(0, rows))
                 continue
-            wanted = rows[:, None] + offsets
-            yield f"{key}_is_pad", (wanted < first) | (wanted > last)
-            found = self._unpacked(key, column[wanted.clamp(first, last)])
+            requested_rows = rows[:, None] + offsets
+            yield f"{key}_is_pad", (requested_rows < first) | (requested_rows > last)
+            found = self._unpacked(key, column[requested_rows.clamp(first, last)])
             # LeRobot gives a single frame of a video without the axis of time.
             single = len(offsets) == 1 and key in self._dataset.meta.video_keys
             yield key, found[:, 0] if single else found
@@ -178,7 +178,7 @@ class ResidentDataset(Dataset):
         return value.float() / 255 if key in self._colour_keys else value
 
 
-def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[str, Tensor]:
+def _allocate_columns(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[str, Tensor]:
     """Allocate columns for rows like this one."""
     needed = rows * sum(value.nbytes for value in row.values())
     free = torch.cuda.mem_get_info(device)[0] if device.type == "cuda" else usable_memory()

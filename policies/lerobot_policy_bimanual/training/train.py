@@ -55,7 +55,7 @@ class LoaderFromMemory:
 
     def __init__(self, numbers: DataLoader, is_resumed: bool):
         self._numbers, self._is_resumed = numbers, is_resumed
-        self._dataset: ResidentDataset = _whole(numbers.dataset)
+        self._dataset: ResidentDataset = _unwrap_subset(numbers.dataset)
 
     def __len__(self) -> int:
         """Batches of an epoch."""
@@ -124,8 +124,8 @@ class AcceleratorWithMemory:
 
     def _row_number_loader(self, loader: DataLoader) -> DataLoader:
         """A loader of the numbers of the same rows, whose dataset is in memory."""
-        rows, dataset = loader.dataset, _whole(loader.dataset)
-        images = images_read(self._cfg, dataset.meta)
+        rows, dataset = loader.dataset, _unwrap_subset(loader.dataset)
+        images = input_image_keys(self._cfg, dataset.meta)
         held = ResidentDataset(dataset, self._accelerator().device, images, self._cfg.dataset.video_backend)
         return DataLoader(
             Subset(held, rows.indices) if isinstance(rows, Subset) else held,
@@ -136,7 +136,7 @@ class AcceleratorWithMemory:
         )
 
 
-def _whole(rows: Any) -> Any:
+def _unwrap_subset(rows: Any) -> Any:
     return rows.dataset if isinstance(rows, Subset) else rows
 
 
@@ -270,7 +270,7 @@ def _check_image_sizes(root: Path, stored: Mapping[str, Any], named: Mapping[str
             )
 
 
-def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
+def input_image_keys(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
     """Keys of a dataset's images that the policy reads: those among the inputs that it names, or all if it names none."""
     named = cfg.policy.input_features if cfg.policy is not None else None
     return {key for key in meta.camera_keys if not named or cfg.rename_map.get(key, key) in named}
