@@ -1,4 +1,4 @@
-"""With one arm, no known way solves a task that needs two, and the others are solved; both arms' keyposes vary."""
+"""With one arm, known ways solve the tasks that do not need two, and no others; both arms' keyposes vary."""
 
 import coordination
 import pytest
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.weekly
 
 
 @pytest.mark.parametrize(("task", "arm"), SOLVED_BY_ONE_ARM)
-def test_one_arm_does_a_task_that_needs_no_two_while_the_other_stays_at_home(task, arm):
+def test_one_arm_solves_a_task_that_does_not_need_two_while_the_other_stays_at_home(task, arm):
     env = BimanualEnv(task, obs="state", split="test")
     assert any(run_episode(env, seed, one_armed(Arm(arm))).success for seed in range(61_000, 61_004))
     other = Arm(arm).other.ordinal

@@ -44,7 +44,7 @@ def test_the_specification_is_consistent(name):
 
 
 @pytest.mark.parametrize("name", list_tasks())
-def test_the_file_tells_what_the_arms_do_and_what_differs_and_hides_no_mujoco(name):
+def test_a_task_file_documents_arms_and_departures_is_short_and_imports_no_mujoco(name):
     module = sys.modules[type(get_task(name)).__module__]
     source = inspect.getsource(module)
     docstring = inspect.getdoc(module)
@@ -56,7 +56,7 @@ def test_the_file_tells_what_the_arms_do_and_what_differs_and_hides_no_mujoco(na
     assert not any(name.endswith((".gl", "mujoco", ".env")) for name in modules)
 
 
-def test_resets_are_quiet_unsolved_and_different_and_tell_conditions_as_they_are(env):
+def test_resets_are_stable_unsolved_and_distinct_and_a_step_reports_the_current_conditions(env):
     hashes = set()
     for seed in SEEDS:
         _, info = env.reset(seed=seed)
@@ -122,7 +122,7 @@ def test_an_episode_goes_on_bit_for_bit_from_states_with_and_without_sleepers(na
         actions.append(action.copy())
         hashes.append(env.scene.state_hash())
         slept.append(sleepers(env.scene))
-        # A touch wakes: no hand touches what sleeps.
+        # A contact wakes a body, so no hand touches a sleeping one.
         for arm, tree in product(Arm, np.flatnonzero(env.scene.data.tree_asleep >= 0)):
             body = env.scene.model.body(env.scene.model.tree_bodyadr[tree]).name
             assert not env.scene.touching(arm, body)

@@ -106,7 +106,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
-def test_what_was_at_rest_is_drawn_again_when_it_changes(scene, change):
+def test_a_part_of_the_scene_at_rest_is_drawn_again_when_it_changes(scene, change):
     with both(scene) as (renderer, plain):
         assert_same(renderer, plain)
         change(scene)

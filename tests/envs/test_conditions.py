@@ -49,7 +49,7 @@ def scene(scene_of):
     return scene
 
 
-def test_a_prop_is_wholly_above_a_height_with_the_bodies_that_hang_on_it():
+def test_wholly_above_includes_the_bodies_that_are_attached_to_a_prop():
     scene, lid_down = Scene([Laptop("laptop")]), (0.0, 1.0, 0.0, 0.0)
     scene.place("laptop", Pose(HIGH_IN_THE_AIR.position, lid_down))
     assert conditions.WhollyAbove("laptop", 1.187)(scene)
@@ -112,7 +112,7 @@ def test_a_thing_is_tipped_while_it_leans_and_is_still_low(scene):
         assert conditions.Tipped("item", 14.9, 0.06)(scene) == is_low
 
 
-def test_conditions_on_the_way_remember_what_was(scene):
+def test_once_and_always_remember_earlier_ticks(scene):
     now = {"a": False, "b": True}
     parts = tuple(When(name, lambda name=name: now[name]) for name in now)
     once, always = conditions.Once(parts), conditions.Always(parts)
@@ -135,9 +135,9 @@ def test_at_rest_is_about_speed(scene):
     assert conditions.AtRest("item", speed_m_s=2.0)(scene)
 
 
-def test_one_finger_touches_but_does_not_hold_and_a_forearm_is_no_hand(scene):
+def test_one_finger_touches_without_holding_and_a_forearm_does_not_count_as_a_hand(scene):
     tcp = scene.tcp(Arm.LEFT)
-    beside = tcp.position + tcp.rotation[:, 1] * 0.0205  # the pads stand 4 cm to either side
+    beside = tcp.position + tcp.rotation[:, 1] * 0.0205  # the pads are 4 cm to either side
     scene.place("item", Pose.looking(beside, (0, 0, 1), tcp.rotation[:, 1]))
     assert conditions.Touched("item", Arm.LEFT)(scene)
     assert not conditions.Held("item", Arm.LEFT)(scene)
@@ -225,7 +225,10 @@ def test_no_posture_of_the_receiving_arm_touches_what_is_to_be_handed_over(name)
 
 
 def _reach_at_heights(scene, arm, rng):
-    """How far from its base an open hand gets along the table at or below a height, over 25 000 stretched postures."""
+    """Return a function of a height: how far from the arm's base an open hand gets at or below this height.
+
+    It is the greatest distance along the table over 25 000 stretched postures.
+    """
     kinematics, base = scene.arm_pair.kinematics[arm], scene.arm_pair.base_pose(arm)
     joints = rng.uniform(kinematics.lower, kinematics.upper, (25_000, 7))
     joints[:, [0, 2]], joints[:, 4] = 0.0, rng.choice([0.0, 2.8], len(joints))

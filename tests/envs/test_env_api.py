@@ -1,4 +1,4 @@
-"""The environment keeps Gymnasium's contract, its own contract of bits, and speaks clearly when misused."""
+"""The environment follows Gymnasium's API, is reproducible bit for bit, and reports misuse clearly."""
 
 import itertools
 import warnings
@@ -98,7 +98,7 @@ def test_a_variation_can_be_fixed_for_all_episodes_or_for_one_and_changes_nothin
         episode("any", variation=5)
 
 
-def test_options_may_be_given_together_and_single_ones_win():
+def test_a_keyword_overrides_the_same_option_of_an_options_object():
     options = EnvOptions(obs="state", split="val")
     env = BimanualEnv("lift_ball", options=options, split="train")
     assert (env.options.obs, env.options.split, options.split) == ("state", "train", "val")

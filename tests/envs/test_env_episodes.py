@@ -1,4 +1,4 @@
-"""How keyposes are executed, how episodes end, and that one is determined bit for bit."""
+"""How keyposes are executed and how episodes end; episodes are reproducible bit for bit."""
 
 import copy
 import hashlib
@@ -53,7 +53,7 @@ def test_an_impossible_keypose_ends_its_episode(entries, numbers, failure, state
         state_env.step(action)
 
 
-def test_a_step_tells_all_conditions_though_ticks_check_up_to_one(state_env, keypose_below, monkeypatch):
+def test_steps_report_all_conditions_but_ticks_stop_at_an_unmet_one(state_env, keypose_below, monkeypatch):
     looks = {"first": 0, "second": 0}
 
     def look(name: str) -> bool:
@@ -78,7 +78,7 @@ def test_success_needs_all_conditions_for_half_a_second(state_env, monkeypatch):
     assert results == [(0.0, False)] * (len(met) - 1) + [(1.0, True)]
 
 
-def test_what_was_on_the_way_belongs_to_the_state_and_its_hash(state_env, monkeypatch):
+def test_conditions_on_the_way_are_part_of_the_state_and_its_hash(state_env, monkeypatch):
     state_env.reset(seed=1)
     good = [True]
     always = Always((When("good", lambda: good[0]),))
@@ -102,7 +102,7 @@ def test_success_ends_a_keypose_at_once(state_env, monkeypatch, keypose_below):
     assert (reward, terminated, info["is_success"], info["ticks"]) == (1.0, True, True, SUCCESS_TICKS)
 
 
-def test_a_keypose_waits_for_the_verdict(state_env, monkeypatch, keypose_below):
+def test_a_keypose_is_held_until_its_success_is_decided(state_env, monkeypatch, keypose_below):
     state_env.reset(seed=1)
     saved = state_env.save_state()
     _, _, _, _, info = state_env.step(keypose_below(state_env))
@@ -157,7 +157,7 @@ def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_
     assert 5 < info["clipped_ticks"] < 40
 
 
-def test_an_arm_that_presses_for_long_ends_the_episode_where_that_is_asked_for():
+def test_an_arm_that_presses_for_long_ends_the_episode_only_with_protective_stop():
     ends = []
     for protective_stop in (False, True):
         env = BimanualEnv(TASK, obs="state", protective_stop=protective_stop)
@@ -185,7 +185,7 @@ def hash_sequence(env: BimanualEnv, seed: int, ticks: int = 5) -> list[str]:
 
 
 def perturbed_sequence() -> list[str]:
-    """The same with every axis at its highest level, and what is seen at the end."""
+    """`hash_sequence` with every axis at its highest level, and a hash of the last observation."""
     perturb = ",".join(f"{axis}:3" for axis in AXES.names if axis != "stiffness")  # the task has no joints
     env = BimanualEnv(TASK, image_size=16, perturb=perturb)
     hashes, observation = hash_sequence(env, seed=7), env.observe()

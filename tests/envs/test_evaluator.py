@@ -55,7 +55,7 @@ def test_evaluate_exits_with_one_and_says_why(monkeypatch, capsys):
     assert "violation: lift_ball, variation 0: 98/100 is less than 99%" in printed
 
 
-def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_worlds(tmp_path, monkeypatch):
+def test_a_report_is_extended_and_other_seeds_variations_or_worlds_are_played_anew(tmp_path, monkeypatch):
     asked: list[EpisodeSpec] = []
 
     def fail(_, specs: list[EpisodeSpec], label: str) -> list[EpisodeOutcome]:
@@ -67,7 +67,7 @@ def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_wor
         expert_evaluate(replace(config, task=task, **changes))
         report = ExpertReport.read(output)
         assert [*report.worlds] == sorted(report.worlds)
-        assert len(report.violations) == len(report.by_variation)  # one each, of those that are there
+        assert len(report.violations) == len(report.by_variation)  # one for each variation in the report
         return {(spec.task, spec.variation, spec.seed) for spec in asked}
 
     monkeypatch.setattr(Evaluator, "play", fail)

@@ -1,4 +1,4 @@
-"""Expert reports: which criteria a player must meet; the committed ones, complete and true of this code; versions of worlds."""
+"""Expert reports: criteria for players, complete and reproducible committed reports, world versions."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +37,7 @@ REPORTS = {
     for setting in SETTINGS
     for path in sorted((FOLDER / setting).glob("*.json"))
 }
-"""Those that are there, by setting and name; while the experts of a new world are played, some are missing."""
+"""Committed reports by setting and name; while the experts of a new world are played, some are missing."""
 EXPERT_REPORTS = {key: report for key, report in REPORTS.items() if key[1] in (EXACT, ROUNDED)}
 VARIATIONS = {(name, each.index) for name in list_tasks() for each in get_task(name).spec.variations}
 
@@ -78,7 +78,7 @@ def test_baselines_must_fail():
     assert {*EXPERTS, "random", *MAX_RATES} == {*PLAYERS}
 
 
-def test_a_report_comes_back_from_its_file_without_what_a_replay_gives(tmp_path):
+def test_a_report_is_read_as_it_was_written_and_omits_what_a_replay_gives(tmp_path):
     played = [*outcomes(3, 1), outcome(variation=0, seed=4, load=LIGHT.model_copy(update={"torque": 0.9}))]
     report = make_report(played, "expert", "test", first_seed=0, n_seeds=5)
     report.write(tmp_path / "report.json")
@@ -90,7 +90,7 @@ def test_a_report_comes_back_from_its_file_without_what_a_replay_gives(tmp_path)
     assert {(each.commands, each.load, len(each.state_hash)) for each in report.episodes} == {((), None, 16)}
 
 
-def test_a_committed_report_is_of_the_present_worlds_with_enough_episodes_and_without_violation():
+def test_committed_reports_are_of_the_current_worlds_with_enough_episodes_and_no_violation():
     for (setting, name), report in REPORTS.items():
         assert (report.player, report.setting) == (name.removesuffix("_discretised"), setting)
         assert report.worlds == {task: world_version(task, setting=setting) for task in report.worlds}
@@ -120,7 +120,7 @@ def again(setting: str, name: str, task: str, variation: int, index: int):
 
 @pytest.fixture(scope="module")
 def gives_committed_states() -> bool:
-    """Whether this processor does; plans differ in their last bits between families of processors."""
+    """Whether this processor reproduces committed states; the last bits of plans depend on its family."""
     committed, found = again(STANDARD, EXACT, "lift_ball", 0, 0)
     return found.state_hash.startswith(committed.state_hash)
 
@@ -129,8 +129,8 @@ SAMPLES = [(*key, *place) for key, report in EXPERT_REPORTS.items() for place in
 
 
 @pytest.mark.parametrize(("setting", "name", "task", "variation"), SAMPLES)
-def test_a_sample_of_every_variation_comes_out_again(setting, name, task, variation, gives_committed_states):
-    # Another one of its seeds for every task and variation.
+def test_an_episode_of_every_variation_is_reproduced(setting, name, task, variation, gives_committed_states):
+    # The index of the episode differs between tasks and variations.
     committed, found = again(setting, name, task, variation, 7 * variation + get_task(task).spec.id)
     assert (found.success, found.draws) == (committed.success, committed.draws)
     assert [move.name for move in found.moves] == [move.name for move in committed.moves]
@@ -239,7 +239,7 @@ def test_a_change_of_what_happens_changes_the_world_version(monkeypatch, change)
     assert version_now() != before
 
 
-def test_a_threshold_that_the_probed_episode_never_meets_counts(monkeypatch):
+def test_a_threshold_that_the_probed_episode_never_reaches_changes_the_world_version(monkeypatch):
     def with_rest(speed_m_s: float) -> str:
         spec = replace(SPEC, success=(*SPEC.success, AtRest("ball", speed_m_s)))
         monkeypatch.setattr(LiftBall, "spec", spec)

@@ -37,7 +37,7 @@ def env_of():
 
 @pytest.mark.parametrize(("seed", "codec"), [(0, None), (1, KeyposeCodec()), (2, KeyposeCodec())])
 @pytest.mark.parametrize("name", TASK_NAMES)
-def test_the_expert_solves_its_task_exactly_and_rounded(env_of, name, seed, codec):
+def test_the_expert_solves_its_task_with_exact_and_rounded_keyposes(env_of, name, seed, codec):
     outcome = run_episode(env_of(name), seed, expert(codec))
     assert outcome.success, outcome
     assert outcome.unmet == ()
@@ -69,7 +69,7 @@ def test_holding_still_ends_with_the_time(env_of):
     assert outcome.ticks == env.task_definition.spec.horizon_ticks
 
 
-def test_a_hand_that_is_kept_from_arriving_is_reported_unless_it_presses_what_it_should(env_of):
+def test_a_hand_that_does_not_reach_its_target_is_reported_unless_it_presses_a_prop(env_of):
     env = env_of("lift_ball")
     solved = run_episode(env, SEED, expert())
     squeeze = solved.moves[1]
@@ -135,7 +135,7 @@ def test_mean_keyposes_average_positions_rotations_and_flags_of_episodes_of_the_
 
 
 @pytest.mark.parametrize("name", [name for name in TASK_NAMES if len(get_task(name).spec.variations) > 1])
-def test_one_of_the_readings_of_a_scene_is_the_right_one(env_of, name):
+def test_the_script_of_the_expert_is_among_the_scripts_for_all_instructions(env_of, name):
     env = env_of(name)
     for variation in get_task(name).spec.variations:
         env.reset(seed=0, options={"variation": variation.index})
@@ -227,7 +227,7 @@ def test_commands_are_differentiated_over_ticks():
         assert found == pytest.approx(value, rel=1e-3)
 
 
-def test_a_force_is_felt_in_full_if_it_lasts_and_faintly_if_it_is_a_knock():
+def test_the_low_pass_filter_keeps_a_lasting_force_and_weakens_a_brief_one():
     lasting, knock = np.zeros((2, 10 * STEPS_PER_TICK, 2, 3))
     lasting[:, 0, 2] = 50.0
     knock[7, 0, 2] = 50.0

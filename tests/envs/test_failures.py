@@ -130,7 +130,7 @@ def test_the_command_prints_and_writes_what_it_found(tmp_path, capsys):
     assert (found["responsible"], found["perturb"], found["file"]) == ("left arm", "", str(path))
 
 
-def test_behaviour_is_partial_credit_force_and_time_beside_the_experts():
+def test_behaviour_reports_partial_credit_force_and_time_relative_to_the_expert():
     solved = Episode(seed=0, success=True, ticks=30, load=LIGHT)
     lost = Episode(seed=1, success=False, failure="out of time", ticks=90, load=LIGHT)
     half = Attribution(1, 0, FailureClass.DROPPED, "", 3, 0.5, Responsible.LEFT)

@@ -141,7 +141,7 @@ def test_another_evaluation_in_the_same_folder_is_refused_at_once(other, complai
     assert path.read_bytes() == before
 
 
-def test_episodes_of_another_version_of_ours_are_refused_by_the_name_of_their_file(undisturbed, tmp_path):
+def test_a_file_of_episodes_with_another_schema_version_is_refused_by_name(undisturbed, tmp_path):
     program = Program(tmp_path)
     with pytest.raises(Interrupted):
         program.run(undisturbed[1].steps // 2)
@@ -235,7 +235,7 @@ def test_an_episode_that_ended_by_a_refused_action_replays_as_recorded(answer, v
     assert verifier(episode) == []
 
 
-def test_a_record_is_replayed_as_claimed_and_what_is_changed_in_it_is_told(undisturbed, tmp_path, capsys):
+def test_results_verify_confirms_a_record_and_reports_changes_in_it(undisturbed, tmp_path, capsys):
     path = tmp_path / NAME
     path.write_bytes(undisturbed[0])
     record, config = EvaluationRecord.read(path), ResultsVerifyConfig(results=tmp_path, workers=1)

@@ -13,7 +13,7 @@ TASK = "lift_ball"
 SHIFTS_M = {SEED: 0.01, SEED + 1: 0.02, SEED + 2: 0.2}
 
 
-def test_each_hand_is_as_far_off_as_it_was_moved_and_hands_that_went_elsewhere_are_left_out(tmp_path):
+def test_errors_equal_the_shifts_of_the_hands_and_too_large_shifts_are_left_out(tmp_path):
     episodes = []
     for seed, shift_m in SHIFTS_M.items():
         keyposes = expert_keyposes(TASK, seed=seed).copy()

@@ -1,4 +1,4 @@
-"""Axes of perturbation: the same episodes, changed by one dial, wherever and whenever they are played."""
+"""Axes of perturbation: each changes one property of an episode, which stays reproducible."""
 
 import hashlib
 import pickle
@@ -26,9 +26,9 @@ PHYSICAL = [name for name in AXES.names if not AXES.get(name).changes_only_obser
 SEEN = [pytest.param(name, marks=pytest.mark.slow) for name in AXES.names if name not in PHYSICAL]
 LEVELS = range(1, MAX_LEVEL + 1)
 TICKS = 20
-"""Enough for whatever happens once, and for commands that are late."""
+"""Enough for a perturbation that happens once, and for late commands."""
 TASKS_OF_AXES = ("handover_item_easy", "put_item_in_drawer")
-"""One of them has what an axis changes: things that move freely, joints."""
+"""Every axis applies to at least one of them; some axes need free bodies or joints."""
 MAX_SHIFT_M = 0.05
 
 
@@ -68,7 +68,7 @@ def task_of(axis: str) -> str:
 
 
 @pytest.mark.parametrize("axis", [*PHYSICAL, *SEEN])
-def test_a_seed_means_the_same_episode_at_every_level_and_every_level_is_another_world(axis, shared):
+def test_levels_of_an_axis_share_what_a_seed_draws_and_lead_to_different_episodes(axis, shared):
     task, drawn, places_m, worlds, said = task_of(axis), [], [], set(), set()
     for level in (0, *LEVELS):
         env = shared(task, axis, level)
@@ -85,7 +85,7 @@ def test_a_seed_means_the_same_episode_at_every_level_and_every_level_is_another
 
 
 @pytest.mark.parametrize("axis", [*PHYSICAL, *SEEN])
-def test_an_episode_is_the_same_wherever_and_after_whatever_it_is_played(axis, shared):
+def test_a_perturbed_episode_is_the_same_in_any_environment_and_after_any_other_episode(axis, shared):
     fresh, env, moves = make(task_of(axis), axis), shared(task_of(axis), axis, 3), wiggle(2)
     fresh.reset(seed=3)
     start = fresh.scene.commanded
@@ -115,7 +115,7 @@ def test_a_nudge_meets_keyposes_and_the_joint_actions_that_execute_them_alike():
     assert env.state_hash() == outcome.state_hash
 
 
-def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
+def test_demonstrations_under_a_nudge_come_from_the_replanning_expert(shared):
     env = shared("handover_item_easy", "nudge", 3)
     assert not run_episode(env, 0, expert(), variation=0).success  # it read the scene once
     looks_again = run_episode(env, 0, make_player("replanning", 0), variation=0)
@@ -124,7 +124,7 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     assert outcome == looks_again
 
 
-def test_a_nudge_is_drawn_in_the_scene_that_larger_things_leave():
+def test_a_nudge_of_larger_props_leaves_the_task_feasible():
     env = BimanualEnv("pick_laptop", obs="state", control_mode="joint", perturb="nudge:3,size:3")
     env.reset(seed=0)
     stay = env.scene.commanded
@@ -145,7 +145,7 @@ def test_demonstrations_by_a_plan_look_again_after_a_nudge(shared, plan):
     assert len(nudged.moves) > len(plain.moves)
 
 
-def test_hands_miss_the_first_keypose_reach_the_second_and_the_expert_names_both_as_ever(shared):
+def test_hands_miss_the_first_keypose_and_reach_the_second_with_unchanged_commands(shared):
     env = shared("push_box", "misses", 2)
     outcome, plain = (run_episode(each, 0, expert()) for each in (env, shared("push_box")))
     first, second, *_ = ([move.left_error_mm, move.right_error_mm] for move in outcome.moves)

@@ -1,4 +1,4 @@
-"""Axes that change only observations and instructions: no state, and nothing that other axes change."""
+"""Axes of observations and instructions leave the state as it is, and each changes only its own part."""
 
 import itertools
 import math
@@ -135,7 +135,7 @@ def test_noise_exposure_and_missing_cameras_are_as_strong_as_their_level_says(le
 @pytest.mark.parametrize(
     ("cameras", "fails"), [(("front",), 0), (("left_wrist",), 0), (("left_wrist", "right_wrist"), 1)]
 )
-def test_of_few_cameras_one_never_fails(cameras, fails):
+def test_at_least_one_camera_never_fails(cameras, fails):
     for seed in range(8):
         shown = see("fewer_cameras", 3, GREY, np.ones((256, 256)), seed, cameras)
         assert sum(not rgb.any() for rgb, _ in shown.values()) == fails

@@ -59,7 +59,7 @@ def test_each_plan_solves_its_task_and_arms_that_follow_different_ones_do_not(en
     assert not any(run_episode(env, seed, partial(mixed, rng=rng)).success for rng in rngs)
 
 
-def test_a_scene_that_does_not_allow_all_plans_is_not_demonstrated_and_says_which_it_lacks():
+def test_a_scene_that_does_not_allow_all_plans_is_refused_and_the_missing_plan_is_named():
     env = BimanualEnv("dual_push_buttons", obs="state")
     lacking = []
     for seed in range(FIRST_SEED, FIRST_SEED + 8):
@@ -74,7 +74,7 @@ def test_a_scene_that_does_not_allow_all_plans_is_not_demonstrated_and_says_whic
         next(plans.demonstrator(env, 2))
 
 
-def test_a_plan_that_a_task_has_not_is_refused_with_those_that_it_has(tmp_path):
+def test_a_plan_that_a_task_lacks_is_refused_with_a_list_of_its_plans(tmp_path):
     assert {*PROTOCOLS["plans"].tasks} == {*TASKS}
     with pytest.raises(InvalidChoice, match=r"plan of push_box is 2.*0 \(one stroke\), 1 \(two strokes\)"):
         expert_evaluate(ExpertEvaluateConfig(task="push_box", plan=2))

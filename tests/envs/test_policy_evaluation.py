@@ -99,7 +99,7 @@ def test_actions_of_a_wrong_length_are_refused_though_others_fill_up_the_batch()
         evaluate(lambda _: np.zeros(7), "lift_ball", [0], environments=2, **FEW)
 
 
-def test_gymnasium_gives_lerobots_keys_if_it_is_asked_to():
+def test_the_option_keys_gives_gymnasium_environments_lerobots_keys():
     env = gym.make("bimanual/LiftBall-v0", keys="lerobot", image_size=24)
     observation, _ = env.reset(seed=3)
     assert env.observation_space.contains(observation)

@@ -16,7 +16,7 @@ TABLE = 0.75
 
 
 @pytest.mark.parametrize("name", list_tasks())
-def test_no_model_welds_attaches_or_teleports_anything_or_holds_things_without_mass(name):
+def test_no_model_has_welds_mocap_bodies_plugins_extra_actuators_or_props_without_mass(name):
     model = Scene(get_task(name).spec.props).model
     fingers = {"left_fingers", "right_fingers"}
     assert {model.equality(index).name for index in range(model.neq)} == fingers

@@ -74,7 +74,7 @@ def test_a_task_whose_data_contradict_each_other_is_refused(changes, message):
         register(type("New", (original,), {"spec": spec, "conditions": Task.conditions}))
 
 
-def test_names_are_resolved_in_order_and_unknown_ones_answered_and_suites_are_of_one_kind_each():
+def test_names_resolve_in_order_unknown_names_are_refused_and_alternative_suites_are_disjoint():
     for ask in (get_task, resolve_tasks):
         message = r"'push_boxes', .*handover_item_easy, lift_ball.*push_box.* Did you mean 'push_box'\?"
         with pytest.raises(InvalidChoice, match=message):
@@ -152,7 +152,7 @@ def test_every_axis_says_what_it_does_how_far_and_why(name):
     assert any((axis.build, axis.begin, axis.look, axis.see, axis.command, axis.disturb))
 
 
-def test_options_hold_one_form_and_axes_that_cannot_be_are_refused():
+def test_perturb_is_normalised_and_unknown_inapplicable_or_duplicate_axes_are_refused():
     assert EnvOptions(perturb="mass:1, arm_late:2").perturb == "arm_late:2,mass:1"
     assert EnvOptions(perturb="mass:0").perturb == EnvOptions().perturb == ""
     with pytest.raises(InvalidChoice, match=r"'masss', but must be one of: .*mass"):

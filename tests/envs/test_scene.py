@@ -112,7 +112,7 @@ def test_a_diverging_state_is_reported_until_reset_and_leaves_no_trace(scene, ca
     scene.tick(scene.commanded)
     assert scene.unstable
     assert "unstable" in caplog.text
-    assert not list(tmp_path.iterdir())  # MuJoCo's own habit is a log file where the user stands
+    assert not list(tmp_path.iterdir())  # by default MuJoCo writes a log to the working directory
     state = scene.save_state()
     scene.reset()
     assert not scene.unstable

@@ -37,7 +37,7 @@ def drawn_variation(task: str, split: str, seed: int) -> int:
 
 
 class MadeUpEvaluator(contextlib.nullcontext):
-    """The expert fails seed 1 where all is heaviest, the open-loop baseline solves seed 0 only."""
+    """The expert fails only seed 1 at `mass:3`; the open-loop baseline solves only seed 0."""
 
     specs: list[EpisodeSpec]
     n_means = 0
@@ -170,14 +170,14 @@ def test_an_interrupted_sweep_keeps_its_conditions_and_continues(tmp_path, monke
         ({"task": "lift_ball"}, "has task"),
     ],
 )
-def test_another_measurement_is_not_mixed_with_this_one(changes, message, tmp_path):
+def test_a_sweep_with_other_settings_is_not_added_to_the_file(changes, message, tmp_path):
     chosen = of_policy(tmp_path, "arm_late", levels=(1,))
     policy_robustness(chosen)
     with pytest.raises(BimanualError, match=f"{message}.*choose another --output, or remove the file"):
         policy_robustness(replace(chosen, **changes))
 
 
-def test_an_expert_report_of_another_world_is_refused_and_one_of_this_decides(tmp_path):
+def test_an_expert_report_of_this_world_is_used_and_one_of_another_world_is_refused(tmp_path):
     chosen = of_policy(tmp_path, "arm_late", "camera_moved", levels=(3,))
     experts = of_expert(tmp_path, "arm_late")
     expert_evaluate(experts)

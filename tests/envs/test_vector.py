@@ -57,7 +57,7 @@ if __name__ == "__main__":
 """
 
 
-def test_workers_run_the_main_script_not_again_and_load_neither_lerobot_nor_torch(tmp_path):
+def test_workers_do_not_run_the_main_script_again_and_load_neither_lerobot_nor_torch(tmp_path):
     script = tmp_path / "main_script"
     script.write_text(MAIN_SCRIPT)
     command = [sys.executable, script]
@@ -153,7 +153,7 @@ def test_actions_that_no_environment_could_read_are_refused_before_any_steps(act
     assert pair.call("state_hash") == before
 
 
-def test_an_error_of_one_environment_comes_home_and_the_next_reset_works(pair):
+def test_an_error_of_one_environment_is_raised_and_the_next_reset_works(pair):
     pair.reset(seed=0)
     before = pair.call("state_hash")
     with pytest.raises(InvalidChoice, match="variation of lift_ball is 7"):

@@ -26,7 +26,7 @@ STARTING = BUSY.replace("WorkerPool(2)", "WorkerPool(2, preload=['slow'])")
 SLOW = f"import time; print('importing', flush=True); time.sleep({FOREVER_S})"
 
 
-def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(tmp_path) -> None:
+def test_results_are_noted_as_they_arrive_and_returned_in_the_order_of_items(tmp_path) -> None:
     words = [str(tmp_path / "tried twice"), "quick", "too"]
     noted = []
     with WorkerPool(1) as pool:
@@ -36,7 +36,7 @@ def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(tmp_path) ->
 
 
 @pytest.mark.parametrize("workers", [1, 3])
-def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(workers):
+def test_a_dead_worker_loses_only_its_own_item_which_is_tried_again(workers):
     words = ["a", jobs.OBSTINATE, "b", "c"]
     with WorkerPool(workers) as pool:
         results = pool.map(jobs.double_or_die, words, "doubling", "word", failed=lambda _, reason: reason)

@@ -99,7 +99,7 @@ def test_depth_equals_rays_cast_through_the_pixel_centres(scene, images, camera)
 
 
 @pytest.mark.parametrize("camera", FIXED)
-def test_a_film_holds_what_moves_and_shows_it_larger(camera):
+def test_a_film_camera_zooms_in_and_keeps_moving_props_in_view(camera):
     scene, states = make_scene(), []
     for x_m in (0.1, 0.3):
         scene.reset()
@@ -155,7 +155,7 @@ def test_edges_are_soft_in_colours_and_hard_in_depth(scene):
     images, large = (renderer.render() for renderer in renderers)
     for camera, (rgb, depth_m) in images.items():
         large_rgb, large_depth_m = large[camera]
-        # Depth is that at a pixel's middle, averaged with none.
+        # Depth is that at the centre of a pixel and is not averaged.
         assert np.mean(np.isclose(depth_m, large_depth_m[1::3, 1::3], rtol=1e-4)) > 0.99
         means = large_rgb.reshape(SIZE // 2, 3, SIZE // 2, 3, 3).mean(axis=(1, 3))
         soft_rms, hard_rms = (np.sqrt(np.mean((one - means) ** 2)) for one in (rgb, large_rgb[1::3, 1::3]))

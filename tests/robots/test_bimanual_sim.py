@@ -41,7 +41,7 @@ def home(offset_rad: float = 0.0) -> dict[str, float]:
     return at_home
 
 
-def test_its_features_are_those_of_our_datasets_and_it_shows_what_the_environment_shows(make_robot):
+def test_features_match_our_datasets_and_observations_match_the_environment(make_robot):
     options = {"obs": "rgbd", "cameras": "front,left_wrist", "image_size": "24x32"}
     robot = make_robot(**options, seed=5)
     ours = feature_table.features(("front", "left_wrist"), 24, 32, "frames")
@@ -93,7 +93,7 @@ def test_sending_both_hands_home_begins_the_next_episode(make_robot):
     assert robot.env.state_hash() == beginning
 
 
-def test_arms_brought_back_to_where_a_perturbation_had_them_begin_the_next_episode(make_robot):
+def test_returning_the_arms_to_a_perturbed_start_posture_begins_the_next_episode(make_robot):
     robot = make_robot(seed=7, perturb="start_posture:1")
     found = {name: value for name, value in robot.get_observation().items() if name.endswith(".pos")}
     for sent in (home(4 * AWAY_RAD), found):
@@ -101,7 +101,7 @@ def test_arms_brought_back_to_where_a_perturbation_had_them_begin_the_next_episo
     assert (robot.env.progress.seed, robot.env.progress.ticks) == (8, 0)
 
 
-def test_an_episode_that_is_over_stands_still_and_time_alone_ends_none(make_robot):
+def test_an_episode_that_is_over_does_not_change_and_time_alone_ends_no_episode(make_robot):
     robot = make_robot()
     robot.env.progress.ticks = 10 * robot.env.task_definition.spec.horizon_ticks
     before = robot.env.state_hash()
@@ -126,7 +126,7 @@ def test_an_episode_that_cannot_begin_is_passed_over_when_hands_are_sent_home_ag
     assert (robot.env.progress.seed, robot.env.progress.failure) == (2, "")
 
 
-def test_what_was_met_on_the_way_is_not_told_as_unmet(make_robot, caplog):
+def test_a_condition_met_on_the_way_is_not_logged_as_unmet(make_robot, caplog):
     robot = make_robot(task="handover_item")
     robot.send_action(home())
     on_the_way = robot.env.progress.on_the_way

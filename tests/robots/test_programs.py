@@ -1,4 +1,4 @@
-"""LeRobot's programs for robots do what docs/robot.md says: its commands, in order, with less of everything."""
+"""LeRobot's programs for robots work as docs/robot.md says: its commands in order, with small settings."""
 
 import logging
 import os

@@ -49,7 +49,7 @@ def test_a_corner_is_rounded_as_widely_as_its_sides_allow():
     assert _bends(zigzag).max() < 0.2 * STEP_RAD
 
 
-def test_an_obstacle_inside_a_corner_makes_the_rounding_narrower_and_without_any_room_it_stays():
+def test_an_obstacle_inside_a_corner_narrows_the_rounding_and_without_room_the_corner_stays():
     def is_free(posture: np.ndarray) -> bool:
         return bool(np.abs(posture - (0.8, 0.2)).max() > 0.1)
 
@@ -72,7 +72,7 @@ def _find(is_free, seed: int = 0, max_iterations: int = 2000):
     return rrt_connect(START, GOAL, LOWER, UPPER, is_free, np.random.default_rng(seed), max_iterations)
 
 
-def test_a_path_around_a_wall_is_found_short_and_free_and_the_generator_alone_decides_it():
+def test_a_path_around_a_wall_is_short_and_free_and_depends_only_on_the_generator():
     paths = [_find(_around_the_wall, seed) for seed in range(5)]
     for seed, path in enumerate(paths):
         assert path is not None
@@ -127,7 +127,7 @@ def test_no_motion_breaks_a_limit_of_velocity_acceleration_or_jerk(pace, seed):
         assert (step <= 1.001 * pace.acceleration_share * PANDA_PAIR.jerk_limit_rad_s3 * 0.002).all()
 
 
-def test_a_long_swing_uses_the_speed_it_may_and_takes_hardly_longer_than_it_must():
+def test_a_long_swing_reaches_the_allowed_speed_and_takes_little_more_than_the_minimum_time():
     path, pace = swing(0, 2.0), time_law.Pace(velocity_share=0.5, acceleration_share=0.2, tip_m_s=9.0)
     speed, push = 0.5 * PANDA_PAIR.velocity_limit_rad_s[0], 0.2 * PANDA_PAIR.acceleration_limit_rad_s2[0]
     fastest_s = 2.0 / speed + speed / push

@@ -31,7 +31,7 @@ def test_batched_poses_are_the_forward_kinematics_and_the_jacobian_is_their_deri
         assert np.allclose(velocity[:, :3, :3], turning, atol=1e-6)
 
 
-def test_solutions_reach_their_pose_within_the_limits_and_are_all_there_are(kinematics, postures):
+def test_solutions_reach_their_pose_within_the_limits_and_none_is_missing(kinematics, postures):
     count, bent = 0, 0
     for posture in postures:
         pose = kinematics.fk(posture)

@@ -72,7 +72,7 @@ def test_placements_out_of_reach_are_rejected_with_a_reason(table_scene, offset,
     assert result is None if reason is None else re.match(reason, result or "")
 
 
-def test_collisions_are_rejected_of_a_hand_a_goal_and_an_arm_that_stands(table_scene):
+def test_collisions_of_a_hand_a_goal_and_a_stationary_arm_are_rejected(table_scene):
     def into_the_table(view):
         yield Stage("hover", left=GRASP.translated((0, 0, 0.1)), planned=True)
         yield Stage("down", left=GRASP.translated((0.1, 0, -0.07)))
