@@ -61,7 +61,7 @@ class OnTheWay(Condition):
         """Whether it is met now; `so_far` says whether it was met a tick ago, None at the start of an episode."""
 
 
-def on_the_way(
+def history_conditions(
     conditions: Iterable[Condition], view: SceneView, so_far: Mapping[str, bool]
 ) -> dict[str, bool]:
     """Name of each condition on the way, and whether it is met after one more tick."""

@@ -14,7 +14,7 @@ from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.results.evaluation import eval_key
-from lerobot_env_bimanual.conditions import Condition, on_the_way
+from lerobot_env_bimanual.conditions import Condition, history_conditions
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
 from lerobot_env_bimanual.episode.observations import observation_space
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
@@ -179,7 +179,7 @@ class BimanualEnv(gym.Env):
             progress.failure, progress.draws = str(failure) or repr(failure), MAX_DRAWS
             raise
         progress.sent_action = progress.wanted = world.scene.commanded
-        progress.on_the_way = on_the_way(self._conditions, world.scene, {})
+        progress.history_conditions = history_conditions(self._conditions, world.scene, {})
         progress.evaluate_all_conditions(self._conditions, world.scene)
         return self.observe(), progress.info()
 

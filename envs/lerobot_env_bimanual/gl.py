@@ -59,7 +59,7 @@ def missing_gl(error: Exception) -> MissingGL:
 
 
 @contextlib.contextmanager
-def device_chosen() -> Iterator[None]:
+def choose_gpu() -> Iterator[None]:
     """Choose a GPU for the first OpenGL context of this process, if there are several.
 
     Ranks of a job and their workers are spread over the GPUs in CUDA_VISIBLE_DEVICES; a process whose GPU cannot be used
@@ -127,4 +127,4 @@ with contextlib.suppress(OSError, ValueError):
 # Left alone, MuJoCo appends its warnings to a file MUJOCO_LOG.TXT in the working directory.
 mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)
 
-__all__ = ["device_chosen", "missing_gl", "mujoco", "release_gl"]
+__all__ = ["choose_gpu", "missing_gl", "mujoco", "release_gl"]

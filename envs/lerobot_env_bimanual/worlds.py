@@ -41,8 +41,8 @@ class EpisodeReset:
         self._task, self._scene, self._changes = task, scene, changes
         is_patched = changes.changes_model
         self._rehearsal = Rehearsal(scene, CODECS)
-        self._drawn_in = Scene(scene.props, setting=scene.setting) if is_patched else scene
-        self._first_rehearsal = Rehearsal(self._drawn_in, CODECS) if is_patched else self._rehearsal
+        self._placement_scene = Scene(scene.props, setting=scene.setting) if is_patched else scene
+        self._first_rehearsal = Rehearsal(self._placement_scene, CODECS) if is_patched else self._rehearsal
 
     def start(self, progress: EpisodeProgress) -> int:
         """Reset the scene, place the props where the script can be rehearsed, and let them settle.
@@ -57,9 +57,9 @@ class EpisodeReset:
         script = self._task.script_for_plan(progress.variation)
         reasons: Counter[str] = Counter()
         for draw in range(1, MAX_DRAWS + 1):
-            self._drawn_in.reset()
+            self._placement_scene.reset()
             reason = "illegal placement"
-            placed = self._task.place(self._drawn_in, progress.variation, progress.rng)
+            placed = self._task.place(self._placement_scene, progress.variation, progress.rng)
             if placed is None:
                 raise BimanualError(
                     f"`place` of {self._task.spec.name} returned None, but must return True, or False to draw anew"
@@ -67,9 +67,9 @@ class EpisodeReset:
             if placed:
                 reason = self._first_rehearsal.infeasibility(script)
             if reason is None:
-                if self._drawn_in is not self._scene:
+                if self._placement_scene is not self._scene:
                     self._scene.reset()
-                    self._scene.place_like(self._drawn_in)
+                    self._scene.place_like(self._placement_scene)
                 self._changes.begin(
                     self._task, self._scene, progress, lambda: self._rehearsal.infeasibility(script) is None
                 )
@@ -100,12 +100,12 @@ class ProtectiveStop:
         """Fail the episode if an arm has pressed too hard for too long, up to this tick."""
         forces_n, _, _ = self._forces.take()
         # Only the steps of this tick: those of a tick that was interrupted may come before.
-        felt_n = low_pass_filter(forces_n[-STEPS_PER_TICK:], progress.felt_n)
-        progress.felt_n = felt_n[-1]
-        for pressed_n in np.linalg.norm(felt_n, axis=-1):
-            progress.pressed_steps = (progress.pressed_steps + 1) * (pressed_n > self._max_force_n)
-            if progress.pressed_steps.max() * PHYSICS_STEP_S >= MAX_PRESS_S:
-                arm = ARMS[int(progress.pressed_steps.argmax())]
+        filtered_forces_n = low_pass_filter(forces_n[-STEPS_PER_TICK:], progress.filtered_forces_n)
+        progress.filtered_forces_n = filtered_forces_n[-1]
+        for pressed_n in np.linalg.norm(filtered_forces_n, axis=-1):
+            progress.overload_steps = (progress.overload_steps + 1) * (pressed_n > self._max_force_n)
+            if progress.overload_steps.max() * PHYSICS_STEP_S >= MAX_PRESS_S:
+                arm = ARMS[int(progress.overload_steps.argmax())]
                 force_n = pressed_n[arm.ordinal]
                 progress.failure = f"{PROTECTIVE_STOP}: the {arm} arm pressed with {force_n:.0f} N"
                 return

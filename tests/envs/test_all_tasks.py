@@ -68,7 +68,7 @@ def test_resets_are_stable_unsolved_and_distinct_and_a_step_reports_the_current_
     assert len(hashes) == len(SEEDS)
     *_, info = env.step(env.scene.commanded)
     conditions = env.task_definition.conditions(env.progress.variation)
-    now = check(conditions, env.scene, env.progress.on_the_way)
+    now = check(conditions, env.scene, env.progress.history_conditions)
     assert info["conditions"] == now
 
 

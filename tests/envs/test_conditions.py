@@ -117,11 +117,11 @@ def test_once_and_always_remember_earlier_ticks(scene):
     parts = tuple(When(name, lambda name=name: now[name]) for name in now)
     once, always = conditions.Once(parts), conditions.Always(parts)
     assert (once.name, always.name) == ("once(when(a) and when(b))", "always(when(a) or when(b))")
-    met = conditions.on_the_way((once, always, *parts), scene, {})
+    met = conditions.history_conditions((once, always, *parts), scene, {})
     assert met == {once.name: False, always.name: True}
     history = []
     for now["a"], now["b"] in ((True, True), (True, False), (False, False), (True, True)):
-        met = conditions.on_the_way((once, always), scene, met)
+        met = conditions.history_conditions((once, always), scene, met)
         history.append((met[once.name], met[always.name]))
     assert history == [(True, True), (True, True), (True, False), (True, False)]
 

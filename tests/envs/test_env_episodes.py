@@ -209,7 +209,7 @@ def test_an_interrupted_tick_leaves_no_trace_in_the_next_episode():
     env = BimanualEnv(TASK, obs="state", protective_stop=True)
     expected = hash_sequence(env, seed=3, ticks=1)
     env.reset(seed=3)
-    while env.progress.felt_n.max() < 20:
+    while env.progress.filtered_forces_n.max() < 20:
         press = env.scene.commanded
         press[1] += 0.05
         env.step(press)

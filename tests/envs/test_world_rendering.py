@@ -204,7 +204,7 @@ def test_ranks_draw_on_gpus_of_their_own_unless_the_user_chose_one(variables, de
     display.create_initialized_egl_device_display = lambda: int(os.environ[gl.DEVICE] != "3")
     monkeypatch.setitem(sys.modules, "mujoco.egl", display)
     monkeypatch.setattr(gl, "_is_software", lambda device: device == "software")
-    with gl.device_chosen():
+    with gl.choose_gpu():
         chosen = os.environ[gl.DEVICE]
     assert [chosen, os.environ.get(gl.DEVICE)] == devices
 

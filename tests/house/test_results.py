@@ -122,7 +122,7 @@ def test_the_page_of_the_experts_is_that_of_their_reports():
 def test_a_report_of_the_expert_has_every_condition_that_changes_what_happens():
     for task, report in EXPERTS.items():
         conditions = conditions_of(task)
-        played = [key for key in conditions if conditions.played_as(key) == key]
+        played = [key for key in conditions if conditions.reference_condition(key) == key]
         assert [each.key for each in report.conditions] == played
         assert report.nominal.world == WORLDS["standard"][task]
 

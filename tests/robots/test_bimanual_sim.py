@@ -129,13 +129,13 @@ def test_an_episode_that_cannot_begin_is_passed_over_when_hands_are_sent_home_ag
 def test_a_condition_met_on_the_way_is_not_logged_as_unmet(make_robot, caplog):
     robot = make_robot(task="handover_item")
     robot.send_action(home())
-    on_the_way = robot.env.progress.on_the_way
-    assert [*on_the_way.values()] == [False]
-    robot.env.progress.on_the_way = dict.fromkeys(on_the_way, True)
+    history_conditions = robot.env.progress.history_conditions
+    assert [*history_conditions.values()] == [False]
+    robot.env.progress.history_conditions = dict.fromkeys(history_conditions, True)
     with caplog.at_level("INFO", "lerobot_robot_bimanual"):
         robot.env.log_outcome()
     assert "unmet: " in caplog.text
-    assert not any(name in caplog.text for name in on_the_way)
+    assert not any(name in caplog.text for name in history_conditions)
 
 
 def test_targets_outside_the_limits_are_clipped_and_told(make_robot):

@@ -64,11 +64,11 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
         result.check_world()
     usual = results[0].record.options
     given = {"image_size": config.image_size, "cameras": config.cameras}
-    seen = EnvOptions.of(**{name: value or usual.get(name, value) for name, value in given.items()})
+    image_options = EnvOptions.of(**{name: value or usual.get(name, value) for name, value in given.items()})
     views = VIEWS if config.view == "both" else (config.view,)
-    check_video_size(seen.size, views)
+    check_video_size(image_options.size, views)
     is_perturbed = any(result.record.options.get("perturb") for result in results)
-    wanted = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
+    selected_outcomes = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
     with plain_write_errors(config.root):
         config.root.absolute().parent.mkdir(parents=True, exist_ok=True)
 
@@ -78,10 +78,10 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
         jobs = list[Part]()
         for result in results:
             head = result.record.task, result.policy_id, tuple(result.record.options.items())
-            episodes = (episode for episode in result.record.episodes if episode.success in wanted)
+            episodes = (episode for episode in result.record.episodes if episode.success in selected_outcomes)
             for some in batched(episodes, EPISODES_PER_PART):
                 jobs.append((*head, some, folder / f"{len(jobs):06d}"))
-        images = {"cameras": seen.camera_names, "size": seen.size, "depth": config.depth}
+        images = {"cameras": image_options.camera_names, "size": image_options.size, "depth": config.depth}
         how = {"repo_id": repo_id, "views": views, "is_perturbed": is_perturbed, **images}
         with WorkerPool(config.workers, preload=PRELOADED) as pool:
             replay = partial(record_replays, **how)

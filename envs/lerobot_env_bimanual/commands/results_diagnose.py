@@ -62,7 +62,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     from lerobot_env_bimanual.failures.behaviour import behaviour
     from lerobot_env_bimanual.tasks.registry import get_task
     from lerobot_env_bimanual.verification.episodes import map_episodes
-    from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
+    from lerobot_env_bimanual.verification.result_files import ResultFile, sample_episodes
 
     check_range("sample", config.sample, 0)
     check_range("sample_seed", config.sample_seed, 0)
@@ -85,7 +85,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
         for result in results:
             episodes = result.record.episodes
             failed = [episode for episode in episodes if not episode.success]
-            chosen = sampled(failed, config.sample, config.sample_seed)
+            chosen = sample_episodes(failed, config.sample, config.sample_seed)
             named = {"name": lambda each, task=result.record.task: f"{task}, seed {each.seed}"}
             found = map_episodes(
                 FailureAttributor, result.record, chosen, pool, "failure attribution", **named

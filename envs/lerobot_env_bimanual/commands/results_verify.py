@@ -37,7 +37,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
     from lerobot_bimanual.distributions import libc_mismatch
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, map_episodes
-    from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
+    from lerobot_env_bimanual.verification.result_files import ResultFile, sample_episodes
 
     check_range("sample", config.sample, 0)
     seed = secrets.randbelow(2**32) if config.sample_seed is None else config.sample_seed
@@ -48,7 +48,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
     with WorkerPool(config.workers) as pool:
         for path in result_paths(config.results):
             result = ResultFile.read(path)
-            episodes = sampled(result.record.episodes, config.sample, seed)
+            episodes = sample_episodes(result.record.episodes, config.sample, seed)
             problems = [result.world_problem] if result.world_problem else []
             found = map_episodes(
                 EpisodeVerifier,

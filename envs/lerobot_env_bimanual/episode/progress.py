@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
-from lerobot_env_bimanual.conditions import Condition, check, on_the_way
+from lerobot_env_bimanual.conditions import Condition, check, history_conditions
 from lerobot_env_bimanual.options import SETTINGS, SPLITS, STANDARD
 from lerobot_env_bimanual.task import TaskSpec, Variation
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -33,7 +33,7 @@ class EpisodeProgress:
         draws: placements that the reset drew until one could be rehearsed.
         conditions: each condition's name and whether it is met now; between the ticks of a step those after the first
             that is not met are left out.
-        on_the_way: name of each condition on the way, `Once` or `Always`, and whether it is met so far.
+        history_conditions: name of each condition on the way, `Once` or `Always`, and whether it is met so far.
         ticks: control ticks so far.
         keyposes: keyposes executed so far.
         held_ticks: consecutive ticks up to now at which all conditions were met.
@@ -42,8 +42,8 @@ class EpisodeProgress:
             `wanted` is the same action before it was limited.
         clipped_ticks: ticks whose joint action was faster than arms can follow, and was replaced by a slower one.
         clipped_rad: largest difference between such an action and its replacement, in any joint.
-        felt_n: (2, 3) filtered net force on each arm, world frame; `pressed_steps` (2,) counts the physics steps for which it
-            has been too large. Both are only known with the option `protective_stop`.
+        filtered_forces_n: (2, 3) filtered net force on each arm, world frame; `overload_steps` (2,) counts the physics steps
+            for which it has been too large. Both are only known with the option `protective_stop`.
         line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
         disturbances: how often an axis of perturbation has moved things.
         failure: what ended the episode, empty while nothing has.
@@ -57,7 +57,7 @@ class EpisodeProgress:
     prop_set: int = 0
     draws: int = 0
     conditions: dict[str, bool] = field(default_factory=dict)
-    on_the_way: dict[str, bool] = field(default_factory=dict)
+    history_conditions: dict[str, bool] = field(default_factory=dict)
     ticks: int = 0
     keyposes: int = 0
     held_ticks: int = 0
@@ -67,8 +67,8 @@ class EpisodeProgress:
     wanted: NDArray[np.float32] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM, np.float32))
     clipped_ticks: int = 0
     clipped_rad: float = 0.0
-    felt_n: NDArray[np.float64] = field(default_factory=partial(np.zeros, (len(ARMS), 3)))
-    pressed_steps: NDArray[np.int64] = field(default_factory=partial(np.zeros, len(ARMS), np.int64))
+    filtered_forces_n: NDArray[np.float64] = field(default_factory=partial(np.zeros, (len(ARMS), 3)))
+    overload_steps: NDArray[np.int64] = field(default_factory=partial(np.zeros, len(ARMS), np.int64))
     line_fallbacks: int = 0
     disturbances: int = 0
     failure: str = ""
@@ -94,20 +94,26 @@ class EpisodeProgress:
 
     def judge(self, conditions: Iterable[Condition], scene: SceneView) -> None:
         """Evaluate the conditions after a tick: all `Once` and `Always` ones, the others up to the first unmet one."""
-        self.on_the_way = on_the_way(conditions, scene, self.on_the_way)
-        self.conditions = check(conditions, scene, self.on_the_way, until_unmet=True)
+        self.history_conditions = history_conditions(conditions, scene, self.history_conditions)
+        self.conditions = check(conditions, scene, self.history_conditions, until_unmet=True)
         self.held_ticks = self.held_ticks + 1 if all(self.conditions.values()) else 0
         if self.held_ticks and self.first_met_tick is None:
             self.first_met_tick = self.ticks
 
     def evaluate_all_conditions(self, conditions: Iterable[Condition], scene: SceneView) -> None:
         """Note of all conditions whether they are met now, at the end of a step."""
-        self.conditions = check(conditions, scene, self.conditions | self.on_the_way)
+        self.conditions = check(conditions, scene, self.conditions | self.history_conditions)
 
     def joined_hash(self, scene_hash: str) -> str:
         """SHA-256, in hex, of a scene's hash, what the arms are told, and conditions on the way."""
-        digest = hashlib.sha256(f"{scene_hash} {sorted(self.on_the_way.items())}".encode())
-        for array in (self.sent_action, self.change, self.wanted, self.felt_n, self.pressed_steps):
+        digest = hashlib.sha256(f"{scene_hash} {sorted(self.history_conditions.items())}".encode())
+        for array in (
+            self.sent_action,
+            self.change,
+            self.wanted,
+            self.filtered_forces_n,
+            self.overload_steps,
+        ):
             digest.update(array.tobytes())
         return digest.hexdigest()
 

@@ -78,7 +78,7 @@ def excesses(task: str, load: LoadMetrics) -> Iterator[tuple[str, str]]:
             yield name, f"{name} is {number:.3g}{where}, but must be at most {most:g}"
 
 
-def survives(task: str, load: LoadMetrics) -> bool:
+def is_within_reflex_limits(task: str, load: LoadMetrics) -> bool:
     """Whether real arms would have gone through an episode without stopping themselves."""
     reflexes = ("velocity", "acceleration", "contact_force_n")
     return not any(name in reflexes for name, _ in excesses(task, load))

@@ -96,7 +96,7 @@ class EpisodeMonitor:
             unmet=tuple(
                 one.name
                 for one in self._conditions
-                if not progress.on_the_way.get(one.name, one.name in self._met)
+                if not progress.history_conditions.get(one.name, one.name in self._met)
             ),
             met_together=self._met_together,
             others_met=frozenset(self._others_met.lasting),
@@ -105,7 +105,7 @@ class EpisodeMonitor:
     def _observe(self) -> None:
         scene, tick = self._env.scene, self._env.progress.ticks
         # All conditions, whereas the environment stops at the first that is not met.
-        now = check(self._conditions, scene, self._env.progress.on_the_way)
+        now = check(self._conditions, scene, self._env.progress.history_conditions)
         met = {name for name, is_met in now.items() if is_met}
         self._met |= met
         self._met_together |= len(met) == len(self._conditions)

@@ -23,7 +23,7 @@ type Bodies = NDArray[np.bool_]
 
 CLEARANCE_M = 0.015
 """Distance that an arm in free motion keeps from everything but itself."""
-NEVER = -np.inf
+NO_MIN_DISTANCE = -np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +135,11 @@ class CollisionChecker:
 
     def _least(self, *demands: tuple[Bodies, Bodies, float]) -> Array:
         """Distances (nbody, nbody) that bodies of two masks keep from each other; the largest of several demands holds."""
-        least = np.full((self._model.nbody, self._model.nbody), NEVER)
+        least = np.full((self._model.nbody, self._model.nbody), NO_MIN_DISTANCE)
         for a, b, distance_m in demands:
-            np.maximum(least, np.where(np.outer(a, b) | np.outer(b, a), distance_m, NEVER), out=least)
+            np.maximum(
+                least, np.where(np.outer(a, b) | np.outer(b, a), distance_m, NO_MIN_DISTANCE), out=least
+            )
         return least
 
     def _move(self, rules: CollisionRules, left: Array, right: Array) -> None:
@@ -160,5 +162,5 @@ class CollisionChecker:
 
 def _allow(least: Array, pairs: NDArray[np.int32]) -> None:
     """Pairs of bodies (n, 2) may be as close as they like."""
-    least[pairs[:, 0], pairs[:, 1]] = NEVER
-    least[pairs[:, 1], pairs[:, 0]] = NEVER
+    least[pairs[:, 0], pairs[:, 1]] = NO_MIN_DISTANCE
+    least[pairs[:, 1], pairs[:, 0]] = NO_MIN_DISTANCE

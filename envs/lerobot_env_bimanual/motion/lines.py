@@ -209,5 +209,7 @@ def _search(request: LineRequest, poses: Array) -> Array | None:
         path.append(layer[index])
         index = parent[index]
     path = np.array([start, *reversed(path)])
-    exact = all(kinematics.reaches(joints, pose) for joints, pose in zip(path[1:], poses, strict=True))
+    exact = all(
+        kinematics.is_exact_solution(joints, pose) for joints, pose in zip(path[1:], poses, strict=True)
+    )
     return path if exact else None

@@ -91,7 +91,7 @@ def rrt_connect(
     return None
 
 
-def edge_is_free(a: Array, b: Array, is_free: IsFree) -> bool:
+def is_edge_free(a: Array, b: Array, is_free: IsFree) -> bool:
     """Whether the straight way from `a` (not checked) to `b` is free, looked at in small steps."""
     steps = max(1, int(np.ceil(np.abs(b - a).max() / EDGE_STEP_RAD)))
     return all(is_free(a + (b - a) * (k / steps)) for k in _coarse_to_fine(steps))
@@ -111,7 +111,7 @@ def _extend(tree: _Tree, nearest: int, target: Array, is_free: IsFree) -> int | 
     if distance < 1e-9:
         return None
     end = target if distance <= EXTENSION_RAD else start + way * (EXTENSION_RAD / distance)
-    return tree.add(end, nearest) if edge_is_free(start, end, is_free) else None
+    return tree.add(end, nearest) if is_edge_free(start, end, is_free) else None
 
 
 def _connect(tree: _Tree, target: Array, is_free: IsFree) -> int | None:
@@ -139,6 +139,6 @@ def _shortened(path: Array, is_free: IsFree, rng: np.random.Generator) -> Array:
         before, after = length[[first, last]], length[[first + 1, last + 1]]
         share = ((cuts - before) / (after - before))[:, None]
         ends = (1.0 - share) * path[[first, last]] + share * path[[first + 1, last + 1]]
-        if edge_is_free(ends[0], ends[1], is_free):
+        if is_edge_free(ends[0], ends[1], is_free):
             path = np.concatenate([path[: first + 1], ends, path[last + 1 :]])
     return path

@@ -21,9 +21,9 @@ def _delay_arm(context: HookContext[tuple[int, list[Action]]], action: Action) -
     arm, latest = context.memory or (int(context.rng.integers(len(ARMS))), [action])
     latest = [*latest[-int(context.magnitude) :], action]  # oldest first
     context.remember((arm, latest))
-    told = action.copy()
-    by_arm(told)[arm] = by_arm(latest[0])[arm]
-    return told
+    perturbed_action = action.copy()
+    by_arm(perturbed_action)[arm] = by_arm(latest[0])[arm]
+    return perturbed_action
 
 
 register(Axis(**data("arm_late"), command=_delay_arm, late_ticks=int))
@@ -40,10 +40,10 @@ def _draw_drift(start: Start[Drift]) -> None:
 
 
 def _add_drift(context: HookContext[Drift], action: Action) -> Action:
-    (share, rad_per_tick), told = context.memory, action.copy()
+    (share, rad_per_tick), perturbed_action = context.memory, action.copy()
     offsets = share * np.sin(rad_per_tick * context.progress.ticks)
-    by_arm(told)[:, :-1] += np.deg2rad(context.magnitude) * offsets
-    return told
+    by_arm(perturbed_action)[:, :-1] += np.deg2rad(context.magnitude) * offsets
+    return perturbed_action
 
 
 register(Axis(**data("command_noise"), begin=_draw_drift, command=_add_drift))
@@ -74,9 +74,9 @@ def _miss(context: HookContext[NDArray[np.float64]], action: Action) -> Action:
     """Shift the joints until the first keypose is over; the planner of the second starts from where they were sent."""
     if context.progress.keyposes:
         return action
-    told, share = action.copy(), min(1.0, context.progress.ticks / MISS_TICKS)
-    by_arm(told)[:, :-1] += share * np.deg2rad(context.magnitude) * context.memory
-    return told
+    perturbed_action, share = action.copy(), min(1.0, context.progress.ticks / MISS_TICKS)
+    by_arm(perturbed_action)[:, :-1] += share * np.deg2rad(context.magnitude) * context.memory
+    return perturbed_action
 
 
 register(Axis(**data("misses"), begin=_draw_miss, command=_miss))

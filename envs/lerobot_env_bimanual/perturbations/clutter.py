@@ -66,7 +66,7 @@ class Obstacles:
         """Add a thing within a sphere."""
         self._added.append((position, radius_m))
 
-    def leave_free(self, position: Points, radius_m: float) -> bool:
+    def is_clear(self, position: Points, radius_m: float) -> bool:
         """Whether a sphere at a position (3,) is far enough from everything."""
         if any(np.linalg.norm(position - other) < radius_m + r + MIN_GAP_M for other, r in self._added):
             return False
@@ -127,7 +127,7 @@ def _place(start: Start) -> None:
         name = f"{DISTRACTOR}{index}"
         parked = scene.pose(name)
         poses = [AREA.sample(start.rng, TABLE_HEIGHT_M + _half_height(index)) for _ in range(N_PLACES)]
-        free = (pose for pose in poses if obstacles.leave_free(pose.position, _radius(index)))
+        free = (pose for pose in poses if obstacles.is_clear(pose.position, _radius(index)))
         if (pose := next(free, None)) is not None:
             scene.place(name, pose)
             obstacles.add(pose.position, _radius(index))

@@ -3,7 +3,7 @@
 Seven joints reach a pose in a one-parameter family of ways. With the last angle q7 given, the rest has a closed
 form (the `frankik` package): up to four solutions. Searching over q7 is therefore a complete search, without
 starting values, iterations or random restarts. At the very edge of a branch, and where joints 1 and 3 turn about one
-axis, one solution in a thousand is off by up to 2 mm; see `ArmKinematics.reaches`.
+axis, one solution in a thousand is off by up to 2 mm; see `ArmKinematics.is_exact_solution`.
 """
 
 import itertools
@@ -103,7 +103,7 @@ class ArmKinematics:
         """World poses (..., 4, 4) in the frame of the arm's base."""
         return self._to_base @ poses
 
-    def reaches(self, joints: Array, target: Array) -> bool:
+    def is_exact_solution(self, joints: Array, target: Array) -> bool:
         """Whether joints (7,) put the hand at a pose (4, 4) exactly.
 
         A closed form may clip its arguments at the very edge of a branch, so check a solution before use.
@@ -134,7 +134,7 @@ class ArmKinematics:
         while eligible.any():
             best = eligible.argmax()
             eligible[best] = False
-            if self.reaches(ranked[best], target):
+            if self.is_exact_solution(ranked[best], target):
                 yield ranked[best]
                 eligible &= np.abs(ranked - ranked[best]).max(axis=1) > difference_rad
 

@@ -52,7 +52,7 @@ class Conditions:
         yield "", 0
         yield from ((axis.name, level) for axis in self.axes for level in self.levels)
 
-    def played_as(self, key: ConditionKey) -> ConditionKey:
+    def reference_condition(self, key: ConditionKey) -> ConditionKey:
         """The condition that the expert and the open-loop baseline play: nominal for axes that change only observations."""
         is_only_seen = {axis.name: axis.changes_only_observations for axis in self.axes}
         return ("", 0) if is_only_seen.get(key[0]) else key
@@ -154,7 +154,7 @@ def check_same(path: Path, name: str, theirs: object, ours: object) -> None:
         )
 
 
-def extended(
+def merge_conditions(
     earlier: RobustnessResult | ExpertRobustnessReport | None,
     further: Iterable[Condition],
     chosen: Conditions,
@@ -183,7 +183,7 @@ def sweep_expert(
     Raises:
         BimanualError: the file is damaged or of another measurement, or an episode could not be played.
     """
-    keys = [key for key in conditions if conditions.played_as(key) == key]
+    keys = [key for key in conditions if conditions.reference_condition(key) == key]
     seeds = range(config.first_seed, config.first_seed + config.expert_episodes)
     log = EpisodeLog(output.with_suffix(".partial.jsonl"), exclusive=True)
     with Evaluator(workers, log) as evaluator:
@@ -205,7 +205,9 @@ def sweep_expert(
         )
         for axis, level in missing
     ]
-    report = ExpertRobustnessReport(schema_version=3, config=config, **extended(earlier, found, conditions))
+    report = ExpertRobustnessReport(
+        schema_version=3, config=config, **merge_conditions(earlier, found, conditions)
+    )
     report.write(output)
     log.remove()
     return report

@@ -64,8 +64,8 @@ class PolicyRollout:
             # LeRobot takes the shape of actions from the environment, which has that of joint actions in mode `auto`.
             action = (policy_config.output_features or {}).get(ACTION)
             is_keypose = action is not None and tuple(action.shape) == (KEYPOSE_DIM,)
-            acted_in = replace(config, control_mode="keypose") if is_keypose else config
-            self._policy = make_policy(policy_config, env_cfg=acted_in).eval()
+            policy_env_config = replace(config, control_mode="keypose") if is_keypose else config
+            self._policy = make_policy(policy_config, env_cfg=policy_env_config).eval()
             around_policy = _processors(
                 policy_config, folder, rename_observations_processor={"rename_map": {}}
             )

@@ -22,7 +22,13 @@ from lerobot_bimanual.results.robustness import (
 )
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
-from lerobot_env_bimanual.sweep.conditions import Conditions, check_same, extended, read_earlier, solved_seeds
+from lerobot_env_bimanual.sweep.conditions import (
+    Conditions,
+    check_same,
+    merge_conditions,
+    read_earlier,
+    solved_seeds,
+)
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator
 from lerobot_env_bimanual.sweep.policy_rollout import PolicyRollout
 from lerobot_env_bimanual.vector.evaluation import RECORDED_OPTIONS
@@ -111,7 +117,7 @@ class PolicySweep:
             self.checkpoint, self.env_config, self.batch_size, self.seeds, self.policy_flags
         )
         template = EpisodeSpec(self.task, str(self.env_config.variation), self.env_config.split, 0, "expert")
-        keys = dict.fromkeys(map(self.conditions.played_as, missing))
+        keys = dict.fromkeys(map(self.conditions.reference_condition, missing))
         # For all policies of the task with results in the same folder.
         log = EpisodeLog(self.output.with_name(f"{self.task}_experts.jsonl"))
         with Evaluator(self.workers, log) as evaluator:
@@ -121,14 +127,14 @@ class PolicySweep:
             for key in missing:
                 bar.set_description(f"{self.task}: {condition_name(*key)}")
                 record = rollout.play(perturb_text(*key), self.records, bar.update)
-                played_as = self.conditions.played_as(key)
+                reference_condition = self.conditions.reference_condition(key)
                 without_proof = {"first_met_tick": None, "proof": None}
                 condition = PolicyCondition(
                     axis=key[0],
                     level=key[1],
                     world=record.world,
-                    expert_solved=expert[played_as],
-                    open_loop_solved=open_loop[played_as],
+                    expert_solved=expert[reference_condition],
+                    open_loop_solved=open_loop[reference_condition],
                     episodes=tuple(each.model_copy(update=without_proof) for each in record.episodes),
                 )
                 condition = self._with_expert_report(condition)
@@ -140,7 +146,7 @@ class PolicySweep:
         result, chosen = self.played(), [*self.conditions]
         played = result.by_key if result else {}
         reported = self.expert_report.by_key if self.expert_report else {}
-        decisive = sorted({*map(self.conditions.played_as, chosen)} & reported.keys())
+        decisive = sorted({*map(self.conditions.reference_condition, chosen)} & reported.keys())
         with Evaluator(self.workers) as pool:
             here = self.conditions.worlds(sorted({*decisive} | ({*chosen} & played.keys())), pool)
         for key in sorted(here.keys() & played.keys()):
@@ -154,7 +160,7 @@ class PolicySweep:
 
     def _with_expert_report(self, condition: PolicyCondition) -> PolicyCondition:
         """A condition with the expert's success on the many seeds of its report, if that has the condition."""
-        report, key = self.expert_report, self.conditions.played_as(condition.key)
+        report, key = self.expert_report, self.conditions.reference_condition(condition.key)
         if report is None or key not in report.by_key or condition.key not in [*self.conditions]:
             return condition
         return condition.model_copy(update={"expert_report": report.rates(report.by_key[key])["expert"]})
@@ -168,7 +174,7 @@ class PolicySweep:
             config=self.config,
             checkpoint=earlier.checkpoint if earlier else str(self.checkpoint.folder),
             date=earlier.date if earlier else date.today().isoformat(),
-            **extended(earlier, conditions, self.conditions),
+            **merge_conditions(earlier, conditions, self.conditions),
         )
         if result != earlier:
             result.write(self.output)

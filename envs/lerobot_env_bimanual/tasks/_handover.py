@@ -23,7 +23,7 @@ MIN_REACH_M = np.array([0.34, 0.98])
 """Distance from the left and the right base to an item's middle, along the table. Nearer to its base the left arm comes close to
 its joint limits. The right arm's fingers get no further than 0.94 m at the height of a cube's top and 0.95 m at that of
 the tall block's, whatever its posture; the items' nearest corners may be 2.8 cm nearer than their middles."""
-SPOTS = 500
+MAX_DRAWS = 500
 """Places that are drawn for an item before the placement is given up."""
 
 HOVER_M = 0.10
@@ -56,17 +56,17 @@ def draw_place(
         is_free: whether the place is not taken by another item.
 
     Returns:
-        The first of `SPOTS` poses that fulfils this and is free; None if none does.
+        The first of `MAX_DRAWS` poses that fulfils this and is free; None if none does.
     """
     area = PlacementArea(AREA_CENTER_M, AREA_HALF_SIZE_M, half_yaw_rad)
     bases_m = np.array([scene.arm_pair.base_pose(arm).position[:2] for arm in ARMS])
 
-    def will_do(pose: Pose) -> bool:
+    def is_valid_pose(pose: Pose) -> bool:
         reach_m = np.linalg.norm(pose.position[:2] - bases_m, axis=1)
         return bool((reach_m >= MIN_REACH_M).all()) and is_free(pose)
 
-    drawn = (area.sample(rng, height_m) for _ in range(SPOTS))
-    return next(filter(will_do, drawn), None)
+    drawn = (area.sample(rng, height_m) for _ in range(MAX_DRAWS))
+    return next(filter(is_valid_pose, drawn), None)
 
 
 def hand_over(scene: SceneView, item: str, left_behind_m: float, right_behind_m: float) -> Iterator[Stage]:

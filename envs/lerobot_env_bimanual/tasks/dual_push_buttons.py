@@ -100,9 +100,9 @@ class DualPushButtons(Task):
         if poses is None:
             return False
         other = poses.pop(rng.integers(len(poses)))
-        *asked_for, left_alone = (COLORS[variation.words[word]] for word in WORDS)
-        rng.shuffle(asked_for)
-        for name, pose, rgba in zip(BUTTONS, (*poses, other), (*asked_for, left_alone), strict=True):
+        *target_colours, left_alone = (COLORS[variation.words[word]] for word in WORDS)
+        rng.shuffle(target_colours)
+        for name, pose, rgba in zip(BUTTONS, (*poses, other), (*target_colours, left_alone), strict=True):
             if scene.is_varied:
                 pose = pose.translated((0, 0, rng.uniform(0, STANDS[0].depth_m)))
                 scene.place(f"{name}_stand", pose)

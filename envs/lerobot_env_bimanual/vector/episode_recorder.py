@@ -12,7 +12,7 @@ from lerobot_bimanual.results.proof import HashChain, actions_to_text
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
-from lerobot_env_bimanual.experts.load import LoadMeter, survives
+from lerobot_env_bimanual.experts.load import LoadMeter, is_within_reflex_limits
 from lerobot_env_bimanual.experts.runner import OUT_OF_TIME
 
 PLAYED = "played"
@@ -72,7 +72,7 @@ class EpisodeRecorder(gym.Wrapper):
             keyposes=progress.keyposes,
             first_met_tick=progress.first_met_tick,
             load=load,
-            survived=survives(self._env.task, load),
+            survived=is_within_reflex_limits(self._env.task, load),
             proof=Proof(
                 instruction=progress.instruction,
                 start=self._start,

@@ -142,14 +142,14 @@ class KeptEpisodes:
         """
         self.open()
         known = self.known if self._evaluation.policy else {}
-        settled = {index: known[seed] for index, seed in seeds.items() if seed in known}
+        skipped_episodes = {index: known[seed] for index, seed in seeds.items() if seed in known}
         first = min((seed for seed in seeds.values() if seed is not None), default=0)
-        if len(settled) < len(seeds):
+        if len(skipped_episodes) < len(seeds):
             states = [entry.random_state for entry in self._interrupted if entry.episode.seed < first]
             self._interrupted = []
             if states and states[-1]:
                 self._evaluation.set_random_state(states[-1])
-        return settled
+        return skipped_episodes
 
     def finish(self) -> str:
         """Write the record if it has every requested episode; returns where the episodes are, or "" if there are none."""
@@ -230,19 +230,21 @@ class EvaluationLog:
             Environment -> its episode, if it has been played before, or None if it only fills up the batch. Neither is to be
             played.
         """
-        wanted = self._evaluation.seeds
-        asked = {index: seed for index, seed in seeds.items() if wanted is None or seed in wanted}
-        settled: dict[int, Episode | None] = dict.fromkeys(seeds.keys() - asked.keys())
+        requested_seeds = self._evaluation.seeds
+        asked = {
+            index: seed for index, seed in seeds.items() if requested_seeds is None or seed in requested_seeds
+        }
+        skipped_episodes: dict[int, Episode | None] = dict.fromkeys(seeds.keys() - asked.keys())
         if self._kept is not None:
-            settled |= self._kept.begin(asked)
-        self._running = (self._running - seeds.keys()) | (seeds.keys() - settled.keys())
+            skipped_episodes |= self._kept.begin(asked)
+        self._running = (self._running - seeds.keys()) | (seeds.keys() - skipped_episodes.keys())
         if self._evaluation.shows_bar and self._bar.disable:
             shown = getattr(sys.stderr, "unfiltered", sys.stderr)
             total = len(self._evaluation.seeds or ())
             self._bar = tqdm(desc=self._task, total=total, unit="episode", file=shown, position=0)
-        for episode in settled.values():
+        for episode in skipped_episodes.values():
             self._count(episode)
-        return settled
+        return skipped_episodes
 
     def note(self, is_over: NDArray, info: Mapping[str, Any]) -> None:
         """Log, and keep, the episodes that a step has ended, given (environments,) bool and the merged info of the step."""

@@ -59,15 +59,15 @@ class _InWorker(gym.Wrapper):
     """Carries every error of a reset or a step out of the worker."""
 
     def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
-        with self._carried():
+        with self._wrap_errors():
             return self.env.reset(**arguments)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        with self._carried():
+        with self._wrap_errors():
             return self.env.step(action)
 
     @contextlib.contextmanager
-    def _carried(self) -> Iterator[None]:
+    def _wrap_errors(self) -> Iterator[None]:
         try:
             yield
         except gym.error.Error:
@@ -153,7 +153,7 @@ class LazyVectorEnv(VectorEnv):
         who, options = evaluation or Evaluation(), replace(example.options, results_dir=results_dir)
         self._episodes = EvaluationLog(example.task, options, self.num_envs, who)
         self._is_recorded = results_dir is not None
-        self._settled: dict[int, Episode | None] = {}
+        self._skipped_episodes: dict[int, Episode | None] = {}
         example.close()
         if asynchronous:  # so that it imports what workers need while LeRobot loads the policy
             multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
@@ -173,7 +173,7 @@ class LazyVectorEnv(VectorEnv):
                     self._running = SyncVectorEnv(self._make_envs, autoreset_mode=AutoresetMode.NEXT_STEP)
             return self._running
 
-    def _ask[Answer](self, question: Callable[[SyncVectorEnv | AsyncVectorEnv], Answer]) -> Answer:
+    def _call_envs[Answer](self, question: Callable[[SyncVectorEnv | AsyncVectorEnv], Answer]) -> Answer:
         """Call `question` with the environments; after an error, worker processes are ended, as they are unusable."""
         envs = self._ensure()
         try:
@@ -213,10 +213,10 @@ class LazyVectorEnv(VectorEnv):
             allowed = "an option of the environments, which their record names"
             raise InvalidChoice("variation", chosen["variation"], allowed)
         is_reset = np.asarray(chosen.get("reset_mask", np.ones(self.num_envs)))
-        observations, info = self._ask(lambda envs: envs.reset(seed=seeds, options=options))
+        observations, info = self._call_envs(lambda envs: envs.reset(seed=seeds, options=options))
         begun = {index: seeds[index] for index in np.flatnonzero(is_reset).tolist()}
-        kept = {index: episode for index, episode in self._settled.items() if index not in begun}
-        self._settled = kept | self._episodes.begin(begun)
+        kept = {index: episode for index, episode in self._skipped_episodes.items() if index not in begun}
+        self._skipped_episodes = kept | self._episodes.begin(begun)
         return observations, info
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
@@ -227,9 +227,9 @@ class LazyVectorEnv(VectorEnv):
             WorkerDied: a worker has died; the next reset starts all environments anew.
         """
         arrays: list[Any] = [*self._arrays(actions)]
-        for index, episode in self._settled.items():
+        for index, episode in self._skipped_episodes.items():
             arrays[index] = SkippedEpisode(episode is not None and episode.success)
-        observations, rewards, terminated, truncated, info = self._ask(lambda envs: envs.step(arrays))
+        observations, rewards, terminated, truncated, info = self._call_envs(lambda envs: envs.step(arrays))
         self._episodes.note(terminated | truncated, info)
         return observations, rewards, terminated, truncated, info
 
@@ -253,15 +253,15 @@ class LazyVectorEnv(VectorEnv):
 
     def render(self) -> tuple[Any, ...] | None:
         """A frame of every environment."""
-        return self._ask(lambda envs: envs.render())
+        return self._call_envs(lambda envs: envs.render())
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method, or get an attribute, of every environment."""
-        return self._ask(lambda envs: envs.call(name, *args, **kwargs))
+        return self._call_envs(lambda envs: envs.call(name, *args, **kwargs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Get an attribute of every environment."""
-        return self._ask(lambda envs: envs.get_attr(name))
+        return self._call_envs(lambda envs: envs.get_attr(name))
 
     def close(self, **kwargs: Any) -> None:
         """Close the environments and end their processes, dead ones included."""

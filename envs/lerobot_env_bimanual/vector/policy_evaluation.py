@@ -59,8 +59,8 @@ def evaluate(
     checked_keys(keys)
     if not isinstance(seeds, Iterable) or None in (seeds := [*seeds]):
         raise InvalidChoice("seeds", seeds, "integers, such as range(50)")
-    wanted = sorted({seed for each in seeds if (seed := checked_seed(each)) is not None})
-    check_range("the number of seeds", len(wanted), 1)
+    requested_seeds = sorted({seed for each in seeds if (seed := checked_seed(each)) is not None})
+    check_range("the number of seeds", len(requested_seeds), 1)
     check_range("environments", environments, 1)
     reset, act = getattr(policy, "reset", None), getattr(policy, "select_action", policy)
     if reset is not None and environments > 1:
@@ -84,20 +84,20 @@ def evaluate(
             asynchronous=environments > 1,
             evaluation=Evaluation(
                 {"type": name} if name else {},
-                wanted,
+                requested_seeds,
                 shows_bar=progress,
                 is_kept=chosen.results_dir is not None,
             ),
             results_dir=str(path.parent),
         )
         try:
-            for batch in batched(wanted, environments):
+            for batch in batched(requested_seeds, environments):
                 if reset is not None:
                     reset()
                 _play(envs, act, batch, keys)
         finally:
             envs.close()
-        record = EvaluationRecord.read(path).of_seeds(wanted)  # the folder may hold further ones
+        record = EvaluationRecord.read(path).of_seeds(requested_seeds)  # the folder may hold further ones
     if progress:
         tqdm.write(f"{task}: {summary(record.episodes)}", file=sys.stderr)
     return record

@@ -61,11 +61,13 @@ def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demo
     if not np.array_equal(ticks, expected):
         yield Fault(f"the ticks are {_short(ticks)}, not {_short(expected)}")
     rows = [row for row, tick in enumerate(ticks) if tick in expected]
-    wanted = [row_columns(played, int(ticks[row]), dataset.view) for row in rows]
+    expected_columns = [row_columns(played, int(ticks[row]), dataset.view) for row in rows]
     if dataset.calibration is not None:
-        wanted = [dataset.calibration.row_without_calibration(columns) for columns in wanted]
+        expected_columns = [
+            dataset.calibration.row_without_calibration(columns) for columns in expected_columns
+        ]
     for key in stored.columns if rows else ():
-        values = np.stack([np.squeeze(columns[key]) for columns in wanted])
+        values = np.stack([np.squeeze(columns[key]) for columns in expected_columns])
         differs = np.zeros(len(stored), bool)
         differs[rows] = (stored.columns[key][rows] != values).reshape(len(rows), -1).any(axis=1)
         if wrong := np.flatnonzero(differs).tolist():

@@ -34,8 +34,8 @@ class EpisodeVerifier:
         env: the environment in which it replays; it may be observed.
     """
 
-    def __init__(self, task: str, options: Mapping[str, str | int], **seen: Any):
-        self.env = replay_env(task, options, **seen)
+    def __init__(self, task: str, options: Mapping[str, str | int], **obs_options: Any):
+        self.env = replay_env(task, options, **obs_options)
         self._recorder = HoldAfterDone(EpisodeRecorder(self.env))
 
     def __call__(self, episode: Episode) -> list[str]:
@@ -88,11 +88,11 @@ def _find(player: Callable[..., Any], task: str, options: Options, episode: Epis
     return _kept(player, task, options)(episode)
 
 
-def replay_env(task: str, options: Mapping[str, str | int], **seen: Any) -> BimanualEnv:
-    """An environment that replays an evaluation, given its options; `seen` are options of the observations meanwhile."""
+def replay_env(task: str, options: Mapping[str, str | int], **obs_options: Any) -> BimanualEnv:
+    """An environment that replays an evaluation, given its options; `obs_options` are options of the observations meanwhile."""
     usual = EnvOptions()
     keywords = {name: type(getattr(usual, name))(options[name]) for name in REPLAY_OPTIONS if name in options}
-    return BimanualEnv(task, obs="state", **keywords, **seen)
+    return BimanualEnv(task, obs="state", **keywords, **obs_options)
 
 
 def proof_of(episode: Episode) -> Proof:

@@ -70,7 +70,7 @@ class ResultFile:
             raise BimanualError(f"{self.path}: {problem}")
 
 
-def sampled(episodes: Sequence[Episode], count: int, seed: int) -> list[Episode]:
+def sample_episodes(episodes: Sequence[Episode], count: int, seed: int) -> list[Episode]:
     """A random subset of episodes in their order; all of them if `count` is 0 or at least their number."""
     if not 0 < count < len(episodes):
         return list(episodes)

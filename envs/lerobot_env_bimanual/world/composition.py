@@ -68,7 +68,7 @@ class Composition:
             self._looks_of_sleepers = self._looks(self._asleep)
             self._backdrops.clear()
         self._list(self._moving, ~self._room & ~self._asleep, self._options)
-        self._is_simple = self._each_pixel_shows_one_geom()
+        self._is_simple = self._can_composite_by_depth()
         # Of equally near geoms, the one drawn last is seen, so geoms that touch the floor must stay after it.
         # If any geom other than the room's touches a plane, all geoms keep their places in the order.
         at_planes = reach_planes(self._model, self._data, self._planes)
@@ -93,7 +93,7 @@ class Composition:
         """Room and sleeping props; None where they cannot be drawn apart."""
         if camera not in self._rooms:
             self._rooms[camera] = Backdrop(self._draw_geoms(self._room, camera), self._offscreen)
-        if camera not in self._backdrops and self._sees_through_a_wall(camera):
+        if camera not in self._backdrops and self._is_behind_wall(camera):
             self._backdrops[camera] = None
         if camera not in self._backdrops:
             sleepers = self._draw_geoms(self._asleep, camera)
@@ -134,14 +134,14 @@ class Composition:
         fields = (data.geom_xpos, data.geom_xmat, model.geom_rgba)
         return b"".join(field[geoms].tobytes() for field in fields)
 
-    def _each_pixel_shows_one_geom(self) -> bool:
+    def _can_composite_by_depth(self) -> bool:
         """Whether no geom is translucent or reflective, and neither shadows nor anti-aliasing are drawn."""
         model, quality = self._model, self._offscreen.quality
         alpha = np.concatenate([model.geom_rgba[:, 3], model.mat_rgba[:, 3]])
         is_opaque = ((alpha == 0) | (alpha == 1)).all() and not model.mat_reflectance.any()
         return bool(is_opaque and quality.samples == 0 and quality.shadow_map_size == 0)
 
-    def _sees_through_a_wall(self, camera: int) -> bool:
+    def _is_behind_wall(self, camera: int) -> bool:
         """Whether a camera is behind a plane, which MuJoCo draws translucent from there."""
         to_camera = self._data.cam_xpos[camera] - self._data.geom_xpos[self._planes]
         return bool(((to_camera * self._data.geom_xmat[self._planes, 2::3]).sum(axis=1) < 0).any())

@@ -67,8 +67,8 @@ def low_pass_filter(
 ) -> NDArray[np.float64]:
     """Low-pass filtered forces (steps, 2, 3), given the filtered forces (2, 3) of the step before."""
     share = 1 - math.exp(-2 * np.pi * FORCE_FILTER_HZ * PHYSICS_STEP_S)
-    felt_n, now_n = np.empty_like(forces_n), before_n
+    filtered_forces_n, now_n = np.empty_like(forces_n), before_n
     for step, force_n in enumerate(forces_n):
         now_n = now_n + share * (force_n - now_n)
-        felt_n[step] = now_n
-    return felt_n
+        filtered_forces_n[step] = now_n
+    return filtered_forces_n

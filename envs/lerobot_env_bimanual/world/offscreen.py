@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_env_bimanual.gl import device_chosen, missing_gl, mujoco
+from lerobot_env_bimanual.gl import choose_gpu, missing_gl, mujoco
 
 MAX_GEOMS = 2000
 
@@ -86,7 +86,7 @@ class Offscreen:
         self._rect = mujoco.MjrRect(0, 0, width, height)
         try:
             _set_offscreen(model, height, width, quality)
-            with _making_a_context, device_chosen():
+            with _making_a_context, choose_gpu():
                 gl = mujoco.GLContext(width, height)
                 gl.make_current()
                 self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)

@@ -218,7 +218,7 @@ class Scene(SceneView):
         finally:  # also where an observer raised
             self._options.enableflags &= ~SLEEP
         if data.ntree_awake < model.ntree:
-            self._forget_falling_asleep()
+            self._reset_sleeping_dynamics()
         self.ticks += 1
 
     @property
@@ -293,7 +293,7 @@ class Scene(SceneView):
         """Recompute everything that follows from positions and velocities."""
         mujoco.mj_step1(self.model, self.data)
 
-    def _forget_falling_asleep(self) -> None:
+    def _reset_sleeping_dynamics(self) -> None:
         """Make inertias and accelerations of sleeping bodies depend on positions alone.
 
         MuJoCo keeps their values from just before a body fell asleep, and starts from them when it wakes. They are

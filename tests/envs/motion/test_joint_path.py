@@ -10,7 +10,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.motion import time_law
 from lerobot_env_bimanual.motion.joint_path import STEP_RAD, JointPath, rounded
-from lerobot_env_bimanual.motion.rrt_connect import edge_is_free, rrt_connect
+from lerobot_env_bimanual.motion.rrt_connect import is_edge_free, rrt_connect
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.scene import Scene
@@ -77,7 +77,7 @@ def test_a_path_around_a_wall_is_short_and_free_and_depends_only_on_the_generato
     for seed, path in enumerate(paths):
         assert path is not None
         assert np.array_equal(path[[0, -1]], [START, GOAL])
-        assert all(edge_is_free(a, b, _around_the_wall) for a, b in itertools.pairwise(path))
+        assert all(is_edge_free(a, b, _around_the_wall) for a, b in itertools.pairwise(path))
         assert path[:, 1].max() > 1.5
         assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() < 1.3 * 2 * np.hypot(1.0, 1.5)
         assert np.array_equal(path, _find(_around_the_wall, seed))

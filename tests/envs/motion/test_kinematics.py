@@ -36,7 +36,7 @@ def test_solutions_reach_their_pose_within_the_limits_and_none_is_missing(kinema
     for posture in postures:
         pose = kinematics.fk(posture)
         solutions = kinematics.ik(pose)
-        exact = [kinematics.reaches(solution, pose) for solution in solutions]
+        exact = [kinematics.is_exact_solution(solution, pose) for solution in solutions]
         assert np.sum(exact) >= len(exact) - 1  # the closed form is inexact only at the edge of a branch
         assert (solutions > kinematics.lower + LIMIT_SAFETY_RAD).all()
         assert (solutions < kinematics.upper - LIMIT_SAFETY_RAD).all()
@@ -113,7 +113,7 @@ def test_the_search_over_all_solutions_stays_on_the_line_too(kinematics, monkeyp
     paths = [(target, path) for target, path in found if path is not None]
     assert len(paths) >= 5
     for target, path in paths:
-        assert kinematics.reaches(path[-1], target)
+        assert kinematics.is_exact_solution(path[-1], target)
         assert np.abs(np.diff(path, axis=0)).max() < lines.MAX_JOINT_STEP_RAD
 
 
