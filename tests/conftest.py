@@ -42,7 +42,7 @@ def _seeded() -> None:
 
 
 LONG_FILES = ("documented_commands", "lerobot_train", "examples", "results", "benchmark")
-"""Of the slow tier: minutes each, so that no worker may begin one of them when the others have nothing left to do."""
+"""Slow files of minutes each. They run first, so that no worker starts one when the others have finished."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

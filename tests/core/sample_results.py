@@ -30,14 +30,14 @@ def episodes(outcomes: str, first_seed=0, failure: str | None = None, **fields: 
 
 
 def proved(outcomes: str, first_seed: int = 0) -> tuple[Episode, ...]:
-    """The same with a proof in the form of a recorded one."""
+    """Episodes like those of `episodes`, each with a proof in the form of a recorded one."""
     hashes = {"start": "0a" * 32, "links": "00000", "end": "0b" * 32}
     proof = Proof(instruction="lift the ball", actions=(actions_to_text([[0.5] * 18]),), **hashes)
     return episodes(outcomes, first_seed, "out of time", variation=0, ticks=12, keyposes=1, proof=proof)
 
 
 def reported(outcomes: str, variation: int = 0, first_seed: int = 0) -> tuple[Episode, ...]:
-    """The same as the expert or a baseline is reported."""
+    """Episodes like those of `episodes`, in the form in which a result reports the expert and baselines."""
     return episodes(outcomes, first_seed, "fell", variation=variation, state_hash="0" * 16)
 
 
@@ -143,7 +143,7 @@ def variant(result=RESULT, config: dict[str, Any] | None = None, **fields) -> Be
 def trained(
     outcomes: str, seed: int = 1, policy: str = "mine", task: str = "lift_ball", first_seed: int = 0, **fields
 ) -> BenchmarkResult:
-    """A training with that seed, tested on one episode per letter; nothing was to be chosen."""
+    """A result of a training with this seed: one test episode per letter, one checkpoint, no validation."""
     count = len(outcomes)
     config = {"policy": policy, "task": task, "seed": seed, "first_seed": first_seed, "test_episodes": count}
     config |= {"save_freq": 4, "val_episodes": 0} | fields.pop("config", {})

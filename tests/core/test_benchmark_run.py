@@ -1,4 +1,4 @@
-"""A benchmark whose programs are simulated: what was measured at different times is one result, or is refused."""
+"""A benchmark with simulated programs: its measurements are one result, or are refused if they disagree."""
 
 import shlex
 from collections import defaultdict
@@ -121,7 +121,7 @@ def test_measurements_in_one_world_are_one_result_and_are_not_made_again(program
     assert not programs.ran
 
 
-def test_a_network_for_a_suite_bears_its_name_though_the_demonstrations_name_every_task(programs, config):
+def test_a_policy_trained_on_a_suite_is_named_after_the_suite_and_not_after_its_tasks(programs, config):
     programs.tasks = ["push_box", "lift_ball"]
     config.trained_on, config.val_episodes = "all", None
     result = run(config)
@@ -144,7 +144,7 @@ def test_a_world_that_changed_between_the_steps_is_named_with_a_remedy(what, mes
 
 
 @pytest.mark.parametrize("flag", ["perturb", "demos_perturb"])
-def test_a_test_and_demonstrations_of_which_only_one_is_perturbed_are_of_two_worlds(flag, programs, config):
+def test_worlds_may_differ_if_only_the_test_or_only_the_demonstrations_are_perturbed(flag, programs, config):
     programs.worlds["demonstrations"] = OTHER_WORLD
     setattr(config, flag, "mass:1")
     result = run(config)
@@ -187,7 +187,9 @@ def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
         BenchmarkSettings.of(**dict(resolve(BenchmarkConfig("mine"))) | {"protocol": "few"})
 
 
-def test_what_a_benchmark_would_overlook_or_mistake_is_refused(programs, config, install_recipe, tmp_path):
+def test_settings_that_a_benchmark_would_ignore_or_misread_are_refused(
+    programs, config, install_recipe, tmp_path
+):
     with pytest.raises(BimanualError, match=r"mine/paper\.yaml has the name of an installed recipe"):
         resolve(replace(config, recipe="mine/paper.yaml"))
     with pytest.raises(BimanualError, match=r"--keep_last, but every checkpoint is validated.*val_episodes="):

@@ -55,7 +55,7 @@ def test_a_damaged_file_is_named(published, damage, problem) -> None:
     assert f"{FILES[1]} {problem}" in list(checksum_problems(published))
 
 
-def test_a_stray_file_is_named_and_what_the_hub_and_git_add_is_none(published) -> None:
+def test_a_stray_file_is_a_problem_but_files_that_the_hub_or_git_adds_are_not(published) -> None:
     strays = ["data/.cache", "meta/x/y", "notes.txt"]
     harmless = [".cache/huggingface/x.metadata", ".git/HEAD", ".gitattributes"]
     for name in strays + harmless:
@@ -84,7 +84,9 @@ def line(name: str) -> str:
         (lambda text: text + line("a\tb").encode(), r"^a\\tb is missing"),
     ],
 )
-def test_a_list_that_is_damaged_or_leads_elsewhere_is_named(published, change, problem) -> None:
+def test_a_list_of_checksums_that_is_damaged_or_names_a_path_outside_is_a_problem(
+    published, change, problem
+) -> None:
     secret = published.parent / "secret"
     os.mkfifo(secret)  # opening it waits for ever
     (published / CHECKSUMS).write_bytes(change((published / CHECKSUMS).read_bytes()))

@@ -48,19 +48,19 @@ def test_only_the_same_episodes_are_compared(config, fields, message):
         Comparison((RESULT,), (trained("xx", first_seed=50),))
 
 
-def test_the_spread_of_episodes_and_that_of_trainings_are_told_apart():
+def test_the_standard_error_over_episodes_and_the_one_over_trainings_are_computed_separately():
     first = (trained("xxxx", 1), trained("xx..", 2))
     second = (trained("x...", 1, "other"), trained("x...", 2, "other"))
     comparison = Comparison(first, second)
     assert comparison.difference == pytest.approx(0.75 - 0.25)
-    # By episode the difference is 0, 1, 0.5 and 0.5; the first's trainings differ by a half, the second's not at all.
+    # By episode the difference is 0, 1, 0.5, 0.5; the first's trainings differ by 0.5, the second's by 0.
     assert comparison.episode_error == pytest.approx((0.5 / 3) ** 0.5 / 2)
     assert comparison.training_error == pytest.approx((0.125 / 2) ** 0.5)
     assert comparison.better == (3, 0)
     assert Comparison(first[:1], second).training_error is None
 
 
-def test_trainings_on_the_same_episodes_are_not_further_episodes():
+def test_a_second_training_tested_on_the_same_episodes_does_not_double_their_number():
     first, second = (trained("xxx.", 1), trained("xx.x", 2)), (trained("...x", 1, "other"),)
     once, twice = Comparison(first[:1], second), Comparison(first, second)
     assert once.p_value == pytest.approx(10 / 16)
@@ -93,7 +93,7 @@ def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_p
     assert "A single training of a policy does not show" in printed
 
 
-def test_trainings_with_and_without_demonstrations_of_their_own_are_of_one_policy(tmp_path, capsys):
+def test_trainings_on_demonstrations_of_different_seeds_count_as_one_policy(tmp_path, capsys):
     seeds = RESULT.demonstrations.settings | {"first_seed": 2000}
     demonstrations = RESULT.demonstrations.model_copy(update={"settings": seeds})
     put(tmp_path, trained("xxxx", 1))
@@ -151,7 +151,7 @@ def test_holm_corrects_for_the_number_of_questions_and_keeps_the_order():
     assert holm([]) == []
 
 
-def test_the_report_counts_what_it_lists_and_each_condition_is_compared_with_the_nominal_one():
+def test_valid_conditions_are_compared_with_the_nominal_one_and_the_expert_decides_which_are_valid():
     table = conditions_table(ROBUSTNESS).set_index("condition")
     assert (table.lost["camera_moved:2"], table.won["camera_moved:2"]) == (6, 0)
     pair = ["camera_moved:2", "mass:2"]
@@ -191,7 +191,7 @@ def test_conditions_that_do_not_belong_together_are_refused(conditions, complain
         RobustnessResult.of(**{**dict(ROBUSTNESS), "conditions": conditions})
 
 
-def test_a_folder_of_expert_reports_holds_one_per_task_and_not_the_nominal_world_alone(tmp_path):
+def test_expert_reports_without_a_perturbed_condition_or_twice_of_one_task_are_refused(tmp_path):
     with pytest.raises(BimanualError, match="expert evaluate --axes=all"):
         read_expert_robustness(tmp_path)
     nominal = EXPERT_REPORT.model_copy(update={"conditions": EXPERT_REPORT.conditions[:1]})

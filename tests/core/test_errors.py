@@ -1,4 +1,4 @@
-"""Every error that is raised on purpose travels between processes unchanged; what a text of levels may say."""
+"""Every `BimanualError` can be pickled; texts of levels, such as `mass:2`, are parsed or refused."""
 
 import importlib
 import inspect
@@ -55,6 +55,6 @@ def test_a_text_says_the_level_of_each_axis_and_leaves_out_level_0(text, levels)
 
 
 @pytest.mark.parametrize("text", ["mass", "mass:4", "mass:-1", "mass:two", ":1", "mass:1,mass:2", "a b:1", 3])
-def test_what_is_no_such_text_is_refused_with_the_form(text):
+def test_a_text_that_is_not_a_list_of_levels_is_refused_with_the_right_form(text):
     with pytest.raises(InvalidChoice, match="AXIS:LEVEL with levels 0 to 3"):
         parse_levels(text)

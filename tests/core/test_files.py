@@ -1,4 +1,4 @@
-"""What has its final name is on the disk; cores and memory that a process may use; terminations that are swallowed."""
+"""Files are on the disk before they are renamed; cores and memory for a process; signals that end it."""
 
 import os
 import signal
@@ -42,7 +42,7 @@ def steps(monkeypatch) -> list[tuple[str, str]]:
     return done
 
 
-def test_everything_in_a_folder_is_on_the_disk_before_it_is_renamed_and_the_name_after(tmp_path, steps):
+def test_a_folder_is_synced_to_the_disk_before_it_is_renamed_and_its_new_parent_afterwards(tmp_path, steps):
     (tmp_path / "new/deep").mkdir(parents=True)
     (tmp_path / "new/a").write_text("a")
     (tmp_path / "new/deep/b").write_text("b")
@@ -53,7 +53,7 @@ def test_everything_in_a_folder_is_on_the_disk_before_it_is_renamed_and_the_name
     assert (tmp_path / "places/final/deep/b").read_text() == "b"
 
 
-def test_what_a_killed_process_left_is_removed_by_the_next_and_what_others_write_is_not(tmp_path) -> None:
+def test_the_next_write_removes_the_partial_file_of_a_killed_process_and_no_other_file(tmp_path) -> None:
     child = subprocess.Popen([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "a[1].json")])
     assert child.wait() == -signal.SIGKILL
     (left,) = tmp_path.iterdir()
@@ -65,7 +65,7 @@ def test_what_a_killed_process_left_is_removed_by_the_next_and_what_others_write
     assert {*tmp_path.iterdir()} == {tmp_path / "a[1].json", *others}
 
 
-def test_a_name_that_the_disk_refuses_is_said(tmp_path) -> None:
+def test_a_file_name_that_is_too_long_is_a_clear_error(tmp_path) -> None:
     with pytest.raises(UnwritableOutput, match="File name too long; choose another place"):
         write_file(tmp_path / ("a" * 250), "")
 
@@ -92,7 +92,7 @@ def test_files_are_shared_as_the_umask_says(tmp_path) -> None:
         ("!!python/object/apply:os.getpid []", "constructor"),
     ],
 )
-def test_a_yaml_file_runs_nothing_and_stands_for_no_more_than_it_holds(content, said, tmp_path):
+def test_a_yaml_file_with_aliases_deep_nesting_too_much_text_or_code_is_refused(content, said, tmp_path):
     (tmp_path / "config.yaml").write_text(content)
     with pytest.raises(BimanualError, match=f"config.yaml: .*{said}") as error:
         read_yaml(tmp_path / "config.yaml")
@@ -151,7 +151,7 @@ def becomes_another_error() -> None:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.timeout(30, method="thread")  # the alarm is in use
 @pytest.mark.parametrize("termination", [is_swallowed, becomes_another_error])
-def test_a_termination_is_answered_even_if_its_exception(termination):
+def test_a_process_ends_on_sigterm_even_if_its_exception_is_swallowed_or_replaced(termination):
     with pytest.raises(SystemExit) as exit_, termination_as_system_exit():
         termination()
     assert exit_.value.code == 128 + signal.SIGTERM

@@ -90,7 +90,7 @@ def test_a_command_that_fails_or_leaves_no_output_is_named_and_tried_again(tmp_p
     assert count(tmp_path) == 4
 
 
-def test_only_a_judging_command_that_wrote_its_output_and_exits_with_1_has_succeeded(tmp_path, pipeline):
+def test_a_command_that_may_exit_with_1_succeeds_only_if_it_wrote_its_output(tmp_path, pipeline):
     output = tmp_path / "verdict"
     writing = f"open({str(output)!r}, 'w')"
     output.touch()  # an old verdict does not hide a failure

@@ -67,7 +67,7 @@ def test_a_view_is_found_at_the_root_or_below_and_a_folder_without_dataset_is_an
         ({"fps": 0}, "fps"),
     ],
 )
-def test_a_description_that_is_none_is_an_error_that_names_the_place(datasets, tmp_path, changes, place):
+def test_an_invalid_info_file_is_an_error_that_names_the_field(datasets, tmp_path, changes, place):
     root = tmp_path / "copy"
     shutil.copytree(datasets["frames"], root)
     file = root / "meta/info.json"
@@ -146,7 +146,9 @@ def test_a_state_hash_fits_into_a_signed_integer() -> None:
         ("keyframes", (0.99,), [0, 8, 12, 17, 21]),
     ],
 )
-def test_a_view_has_every_tick_or_stages_and_parts_of_their_motion(make_episode, view, intermediate, rows):
+def test_frames_has_every_tick_and_keyframes_has_stages_and_rows_within_their_motion(
+    make_episode, view, intermediate, rows
+):
     assert rows_of_view(make_episode(0), view, intermediate) == rows
 
 

@@ -1,4 +1,4 @@
-"""Records survive their files; a damaged file is refused with its name and field, or read as what it says; proofs of episodes."""
+"""Records are read back unchanged; damaged files are refused by name or read consistently; episode proofs."""
 
 import json
 from collections.abc import Sequence

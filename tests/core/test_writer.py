@@ -1,4 +1,4 @@
-"""What LeRobot reads is what was written, a broken-off dataset is noticed, and merging gives what LeRobot's own function gives."""
+"""LeRobot reads what was written; an unfinished dataset is refused; merging equals LeRobot's own function."""
 
 import json
 from dataclasses import replace
@@ -71,7 +71,7 @@ def test_each_row_is_rendered_once_however_many_views_store_it(tmp_path, make_ep
     assert asked == list(range(TICKS + 1))
 
 
-def test_what_holds_for_all_rows_is_in_the_metadata_once_and_a_row_of_another_calibration_is_refused(
+def test_the_calibration_is_stored_once_in_the_metadata_and_a_row_with_another_one_is_refused(
     datasets, make_episode, calibration, tmp_path
 ) -> None:
     dataset = RecordedDataset(datasets["keyframes"])
@@ -89,7 +89,7 @@ def test_what_holds_for_all_rows_is_in_the_metadata_once_and_a_row_of_another_ca
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)
-def test_what_breaks_off_is_no_dataset(tmp_path, make_episode, view: schema.View) -> None:
+def test_an_unfinished_dataset_is_refused(tmp_path, make_episode, view: schema.View) -> None:
     root = tmp_path / view
     with pytest.raises(KeyboardInterrupt), ViewWriter(root, "local/x", view, CAMERAS, *SIZE) as writer:  # noqa: PT012
         write_episode(make_episode(0), [writer])
@@ -122,7 +122,9 @@ def contents(root: Path) -> dict[str, object]:
 
 
 @pytest.mark.slow
-def test_the_result_is_that_of_lerobot_and_the_sources_stay_as_they_are(sources, tmp_path) -> None:
+def test_merging_gives_the_dataset_that_lerobot_gives_and_leaves_the_sources_unchanged(
+    sources, tmp_path
+) -> None:
     before = [contents(source) for source in sources]
     merge_datasets(sources, tmp_path / "ours")
     assert [contents(source) for source in sources] == before

@@ -63,7 +63,7 @@ def test_a_dry_run_prints_and_runs_nothing(tmp_path: Path, capsys):
     assert not (tmp_path / "output").exists()
 
 
-def test_several_policies_and_tasks_are_benchmarks_of_which_a_failure_stops_no_other(tmp_path, monkeypatch):
+def test_a_benchmark_that_fails_does_not_stop_those_of_other_policies_and_tasks(tmp_path, monkeypatch):
     started, running = [], []
 
     def start(words, log):

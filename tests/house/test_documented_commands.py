@@ -43,9 +43,9 @@ ELSEWHERE = {
 }
 """Commands that do not run here, and why."""
 RESULT = "dual_push_buttons_peract_lf_small_seed1000_plans.json"
-"""One for the commands that read results of one's own; a replay of all takes ten minutes."""
+"""The only result for the commands that read the user's results; a replay of all takes ten minutes."""
 ROW = "results/leaderboard/put_item_in_drawer_peract2_small_seed1000_on_all.json"
-"""The one for the commands that read the leaderboard, of which all take minutes."""
+"""The only result for the commands that read the leaderboard; all of them take minutes."""
 ROOM = {
     name: name for name in ("policies", "examples", "results/checkpoints", "results/expert_reports", ROW)
 } | {

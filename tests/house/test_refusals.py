@@ -87,7 +87,9 @@ REFUSALS = [(command, *refused) for command, rows in REFUSED.items() for refused
 
 
 @pytest.mark.parametrize(("command", "flags", "message"), REFUSALS)
-def test_a_flag_that_cannot_be_meant_is_refused(command, flags, message, tmp_path, monkeypatch, capsys):
+def test_an_invalid_flag_is_refused_on_one_line_and_nothing_is_written(
+    command, flags, message, tmp_path, monkeypatch, capsys
+):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.chdir(tmp_path)
@@ -142,7 +144,7 @@ def test_a_mistake_for_a_program_of_lerobot_is_told_on_one_line_before_its_impor
     assert told.count("\n") == 1  # before the import there is another line
 
 
-def test_a_checkpoint_that_learned_from_other_images_or_actions_says_by_which_flags(monkeypatch, caplog):
+def test_an_evaluation_that_does_not_fit_the_checkpoint_names_the_flags_of_its_training(monkeypatch, caplog):
     monkeypatch.setattr("lerobot.scripts.lerobot_eval.main", Mock(side_effect=RuntimeError("size mismatch")))
     monkeypatch.setattr("sys.argv", [eval_program.__name__, TRAINED])
     values = {"policy.path": TRAINED.partition("=")[2], "env.type": "bimanual"}

@@ -69,7 +69,7 @@ def test_the_command_that_is_printed_for_a_result_trains_and_scores_exactly_that
     assert resolve(parse_flags(BenchmarkConfig, flags)) == settings
 
 
-def test_a_row_has_its_name_and_learned_from_the_demonstrations_of_its_command():
+def test_a_row_has_the_file_name_and_demonstrations_that_its_command_would_give():
     for path, row in ROWS.items():
         assert path.name == row.config.file_name
         words = Plan.of(shortest_config(row.config)).generation().words[3:]
@@ -85,7 +85,7 @@ def test_a_row_has_its_name_and_learned_from_the_demonstrations_of_its_command()
 
 
 @pytest.mark.parametrize("folder", CHECKPOINTS, ids=lambda path: path.name)
-def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder: Path):
+def test_a_trained_policy_is_small_and_has_a_row_above_the_baseline_for_each_of_its_tasks(folder: Path):
     weights = folder / "model.safetensors"
     assert weights.stat().st_size <= 12_000_000
     rows = [row for row in BOARD.values() if row.checkpoint_sha256 == sha256(weights)]
@@ -97,8 +97,8 @@ def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Path, capsys):
-    """Other rows and episodes in every run; `lerobot-bimanual results verify --results=results/leaderboard` plays all."""
+def test_a_replay_of_rows_gives_the_outcomes_that_they_claim(tmp_path: Path, capsys):
+    """Draws rows and episodes; `lerobot-bimanual results verify --results=results/leaderboard` plays all."""
     seed = int(np.random.default_rng().integers(1000))
     rooms = set()
     for index in np.random.default_rng(seed).permutation(len(PATHS))[:ROWS_PLAYED]:
@@ -128,8 +128,8 @@ def test_a_report_of_the_expert_has_every_condition_that_changes_what_happens():
 
 
 @pytest.mark.slow
-def test_a_condition_drawn_at_random_of_each_file_is_of_the_present_world():
-    """Others in every run."""
+def test_a_random_condition_of_each_expert_report_has_the_current_world_version():
+    """Every run draws other conditions."""
     for result in EXPERTS.values():
         condition = result.conditions[np.random.default_rng().integers(len(result.conditions))]
         assert condition.world == world_version(result.task, perturb_text(*condition.key)), condition.name

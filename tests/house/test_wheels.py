@@ -88,7 +88,7 @@ def required_by(name: str, found: set[str]) -> set[str]:
 
 
 def environment(home: Path, borrowed: Iterable[str], wheels: Iterable[Path]) -> Path:
-    """Make an environment in a folder, of packages of this one, without ours, and of wheels; returns its interpreter."""
+    """Make an environment of wheels and this environment's packages without ours; return its interpreter."""
     venv.create(home, with_pip=False, symlinks=True)
     packages = Path(sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)}))
     links = home / "borrowed"

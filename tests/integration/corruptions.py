@@ -1,7 +1,7 @@
 """Ways to corrupt a copy of the small dataset of `conftest.py`, each by name, with the check that finds it.
 
-Episode 1 is corrupted where one episode is; its rows are in the first file, after those of episode 0. The checksums are
-written again, so that another check has to find it.
+A corruption of a single episode changes episode 1, whose rows follow those of episode 0 in the first file.
+The checksums are written again, so that another check has to find the corruption.
 """
 
 import io
@@ -176,12 +176,12 @@ def png(width: int, height: int) -> bytes:
 
 CORRUPTIONS = (
     Corruption("a feature is missing", "readable", info(lambda i: i["features"].pop("tick"))),
-    Corruption("an image of later", "readable", column("timestamp", lambda value: value + 0.5, [0])),
-    Corruption("a row's number", "readable", column("frame_index", lambda value: value + 1, [0])),
-    Corruption("a row's place", "readable", column("index", lambda value: value + 3, [0])),
-    Corruption("another sentence's number", "readable", column("task_index", lambda value: value + 1)),
-    Corruption("an episode's place", "readable", entry("dataset_from_index", lambda value: value + 1)),
-    Corruption("an episode's end", "readable", entry("dataset_to_index", lambda value: value + 1)),
+    Corruption("a wrong timestamp", "readable", column("timestamp", lambda value: value + 0.5, [0])),
+    Corruption("a wrong frame index", "readable", column("frame_index", lambda value: value + 1, [0])),
+    Corruption("a wrong row index", "readable", column("index", lambda value: value + 3, [0])),
+    Corruption("a wrong task index", "readable", column("task_index", lambda value: value + 1)),
+    Corruption("a wrong first row", "readable", entry("dataset_from_index", lambda value: value + 1)),
+    Corruption("a wrong end of rows", "readable", entry("dataset_to_index", lambda value: value + 1)),
     Corruption("an episode without a length", "readable", entry("length", lambda _: None)),
     Corruption("a row twice", "readable", table(lambda t: pa.concat_tables([t, t.slice(len(t) - 1)]))),
     Corruption("rounded keyposes", "replay", provenance(lambda p: p["settings"].update(discretise=100))),

@@ -19,7 +19,7 @@ BIN = Path(sys.executable).parent
 
 
 def run(*words: str, folder: Path, fails: bool = False, fresh: bool = False, **variables: str) -> str:
-    """What a program prints, in a folder, offline and on one thread.
+    """Run a program in a folder, offline and on one thread, and return what it prints.
 
     Args:
         words: the program, looked for beside this interpreter first, and its arguments.

@@ -29,7 +29,7 @@ def begun_by(plan: Plan) -> list[str]:
 
 
 def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path, tiny_flags, monkeypatch):
-    """That of the README starts its programs as a user does."""
+    """Programs are forked here; the benchmark of the README starts them as a user does."""
     monkeypatch.setattr(benchmark, "Pipeline", partial(Pipeline, call=programs.call))
     small = BenchmarkConfig(
         **{"demos": 2, "image_size": 32, "steps": 4, "save_freq": 2, "batch_size": 2},

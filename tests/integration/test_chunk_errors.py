@@ -14,7 +14,7 @@ from lerobot_env_bimanual.robots.panda_pair import ArmPair
 TURN_RAD = 0.1
 
 
-def test_a_turned_shoulder_is_as_far_off_as_its_hand_and_costs_the_other_arm_nothing(generated: Path) -> None:
+def test_a_turned_shoulder_has_the_error_of_its_hand_and_the_other_arm_has_none(generated: Path) -> None:
     dataset = LeRobotDataset("local/frames", root=generated / "frames", video_backend="pyav")
     columns = dataset.hf_dataset.with_format("numpy")[:]
     actions = np.stack(columns["action"]).astype(np.float64)

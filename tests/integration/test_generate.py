@@ -34,7 +34,7 @@ from lerobot_env_bimanual.generation.settings import repo_id_of
 from lerobot_env_bimanual.options import EnvOptions
 
 
-def test_both_views_hold_the_same_episodes_and_keyframes_the_stages_with_the_asked_rows_between(generated):
+def test_both_views_hold_the_same_episodes_and_keyframes_has_one_more_row_within_each_stage(generated):
     frames, keyframes = (RecordedDataset(generated / view).episodes() for view in schema.VIEWS)
     for every_tick, some_ticks in zip(frames, keyframes, strict=True):
         assert some_ticks.meta == every_tick.meta
@@ -45,7 +45,7 @@ def test_both_views_hold_the_same_episodes_and_keyframes_the_stages_with_the_ask
         assert {*flagged} == (starts - {0}) | {len(every_tick)}
 
 
-def test_others_may_read_videos_as_far_as_the_other_files(generated):
+def test_videos_have_the_file_permissions_of_the_other_files(generated):
     usual = (generated / "frames/meta/info.json").stat().st_mode
     assert {path.stat().st_mode for path in generated.rglob("*.mp4")} == {usual}
 

@@ -75,7 +75,7 @@ def refused(status: int) -> HfHubHTTPError:
         ("some one/balls", "good", None, "which no repository can have"),
     ],
 )
-def test_a_push_that_cannot_be_is_one_clear_line(
+def test_a_push_that_cannot_work_is_refused_on_one_line(
     api, dataset, monkeypatch, capsys, repo_id, token, failure, message
 ) -> None:
     monkeypatch.setattr(hub, "get_token", lambda: token)

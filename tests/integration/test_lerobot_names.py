@@ -1,4 +1,4 @@
-"""Nothing of ours depends on a name that LeRobot keeps to itself, which may go with any version of it."""
+"""Our code depends on no private name of LeRobot, which any version may remove."""
 
 import ast
 import importlib
@@ -33,7 +33,7 @@ def classes() -> Iterator[type]:
 
 
 @pytest.mark.slow
-def test_no_class_replaces_what_a_class_of_lerobot_keeps_to_itself():
+def test_no_class_overrides_a_private_method_of_lerobot():
     found = {
         f"{kind.__module__}.{kind.__name__}.{name} of {base.__module__}"
         for kind in classes()

@@ -97,7 +97,7 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     ],
 )
 def test_training_resumes_exactly(room, tiny_flags, command, randomness, batch_size, own, kept):
-    """In the first epoch; ours within a later one as well, where `lerobot-train` takes the rows of the first again."""
+    """In the first epoch; ours also in later ones, where `lerobot-train` repeats the rows of the first."""
     flags = (*tiny_flags["peract2"], *CONSTANT, *randomness)
     whole, parts = f"{command}-straight", f"{command}-resumed"
     for output, steps in ((whole, 5), (parts, 3)):

@@ -31,7 +31,7 @@ LEARNT_WITH = {
         schema.image_key("left_wrist"): [0],
     },
 }
-"""By a name the rows that a row is learnt together with, by column."""
+"""Cases by name: for each column, the offsets of the rows that are loaded with a row."""
 
 
 def stored_in(root: Path, view: schema.View, offsets: dict[str, list[int]], **options) -> LeRobotDataset:
@@ -120,7 +120,7 @@ def test_images_of_another_size_than_a_config_names_are_refused(generated):
         check_training(TrainPipelineConfig(dataset, policy=ACTConfig(device="cpu", input_features=named)))
 
 
-def test_what_is_missing_on_the_way_to_the_accelerator_is_named(monkeypatch):
+def test_an_attribute_error_while_the_accelerator_is_made_names_the_missing_attribute(monkeypatch):
     monkeypatch.setattr(train, "check_training", lambda cfg: cfg.missing)
     with pytest.raises(AttributeError, match="'missing'"):
         AcceleratorWithMemory(SimpleNamespace(), SimpleNamespace, None).autocast()

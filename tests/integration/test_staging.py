@@ -97,7 +97,7 @@ def test_a_full_disk_is_one_clear_error_and_keeps_what_is_finished(begun, record
     assert not list(folder.glob("tmp-*"))
 
 
-def test_only_a_full_disk_is_told_as_one(tmp_path, monkeypatch) -> None:
+def test_only_a_full_disk_is_reported_as_a_full_disk(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("lerobot_env_bimanual.generation.staging.ALMOST_FULL_BYTES", 2**60)
     with pytest.raises(DatasetError, match="Permission denied"), plain_write_errors(tmp_path):
         raise PermissionError(13, "Permission denied")

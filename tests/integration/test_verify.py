@@ -74,7 +74,7 @@ def test_columns_of_other_types_with_the_same_values_pass(copy, player) -> None:
     assert findings(root, "replay", player).keys() == {"checksums"}
 
 
-def test_no_cell_and_no_playlist_leads_to_another_file(copy, tmp_path, monkeypatch) -> None:
+def test_a_cell_or_a_playlist_cannot_make_verify_open_another_file(copy, tmp_path, monkeypatch) -> None:
     secret = tmp_path / "secret.png"
     secret.write_bytes(c.png(32, 24))
     cells, playlist = copy("keyframes"), copy("frames")
@@ -159,7 +159,7 @@ def test_a_dataset_of_a_perturbed_world_is_complete_and_sound(small_generation, 
     assert "warning" not in capsys.readouterr().out
 
 
-def test_depth_is_in_keyframes_alone_unless_asked_for_and_both_views_pass(small_generation, tmp_path, capsys):
+def test_by_default_only_keyframes_has_depth_and_both_views_pass(small_generation, tmp_path, capsys):
     root = tmp_path / "default"
     dataset_generate(small_generation(root, episodes=1, depth=None))
     for view in schema.VIEWS:

@@ -62,7 +62,7 @@ def test_a_second_film_of_an_episode_is_turned_and_zoomed_like_the_first(monkeyp
 
 
 @pytest.mark.slow
-def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
+def test_a_film_with_a_checkpoint_shows_expert_and_policy_side_by_side(capsys) -> None:
     flags = ("--task=handover_item_easy", "--first_seed=1", "--output=films")
     assert main(["task", "view", *flags, f"--checkpoint={CHECKPOINT}"]) == 0
     assert "expert: solved after " in capsys.readouterr().out

@@ -41,7 +41,9 @@ class Server(ModelServer):
         return self.benchmark.get_observation_spec()
 
 
-def test_the_harness_solves_with_the_experts_keyposes_what_it_does_not_solve_without(tmp_path, monkeypatch):
+def test_the_harness_solves_a_task_with_the_experts_keyposes_and_not_with_invalid_actions(
+    tmp_path, monkeypatch
+):
     monkeypatch.syspath_prepend(str(EXAMPLE))
     config = yaml.safe_load((EXAMPLE / "bimanual.yaml").read_text())
     options = {"control_mode": "keypose", "obs": "rgb", "cameras": "front,left_wrist", "image_size": "24x32"}

@@ -55,7 +55,7 @@ from lerobot_policy_bimanual.keypose.dataset_fit import fit_config
         (RVTLFConfig, {"heatmap_dilations": (0,)}, BadConfig, "whole numbers from 1"),
     ],
 )
-def test_values_that_cannot_work_are_refused_with_what_can(kind, changes, error, hint):
+def test_invalid_values_are_refused_with_valid_ones(kind, changes, error, hint):
     with pytest.raises(error, match=hint):
         kind(device="cpu", **changes)
 
@@ -72,14 +72,14 @@ def test_only_what_the_policy_reads_stays_among_its_inputs_and_missing_depth_is_
 
 
 @pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (0.0, 2), (None, 25)])
-def test_the_horizon_is_of_the_dataset_or_the_papers_code(largest, horizon):
+def test_the_keypose_horizon_comes_from_the_dataset_or_else_from_the_papers_code(largest, horizon):
     config = PerAct2Config(device="cpu")
     fit_config(config, None, None if largest is None else {KEYPOSE_STEP: {"max": np.array([largest])}})
     assert config.keypose_horizon == horizon
 
 
 @pytest.mark.parametrize("stats", [{}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])
-def test_where_a_dataset_tells_no_horizon_the_flag_is_named(stats):
+def test_a_dataset_without_a_horizon_is_refused_with_the_flag_that_sets_it(stats):
     with pytest.raises(BadConfig, match=r"--policy\.keypose_horizon"):
         fit_config(PerAct2Config(device="cpu"), None, stats)
 

@@ -182,7 +182,7 @@ def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(
     assert "beyond the workspace" in workspace
 
 
-def test_a_policy_that_is_not_told_the_keyposes_so_far_does_not_need_them(make_policy, make_batch):
+def test_a_policy_that_does_not_use_the_keypose_step_ignores_it(make_policy, make_batch):
     policy = make_policy(use_keypose_step=False, keypose_horizon=None)
     told = make_batch()
     action = policy.select_action({key: value for key, value in told.items() if key != KEYPOSE_STEP})

@@ -77,7 +77,7 @@ def test_the_command_draws_every_prediction(tiny_checkpoint, dataset, tmp_path, 
 
 
 @pytest.mark.slow
-def test_accuracy_is_that_of_the_actions(tiny_checkpoint, dataset, capsys):
+def test_policy_accuracy_reports_the_errors_of_the_actions(tiny_checkpoint, dataset, capsys):
     policy, preprocess = load_policy(tiny_checkpoint)
     rows = open_dataset(dataset)
     found = measure(policy, preprocess, rows)
@@ -100,7 +100,7 @@ def test_accuracy_is_that_of_the_actions(tiny_checkpoint, dataset, capsys):
     assert max(map(len, last)) < 8  # rounded
 
 
-def test_what_is_shown_is_the_prediction_whose_probabilities_are_one_distribution(make_policy, make_batch):
+def test_a_sheet_shows_the_predicted_keypose_and_probabilities_that_sum_to_one(make_policy, make_batch):
     policy, batch = make_policy(), make_batch()
     _, prediction, chosen = policy.infer(batch)
     predicted = BimanualKeypose.from_vector(chosen[0])

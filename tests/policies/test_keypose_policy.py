@@ -48,7 +48,7 @@ def test_outer_autocast_touches_neither_geometry_nor_losses(tiny, make_batch):
     assert under_autocast[1] == report
 
 
-def test_errors_are_the_distances_that_were_put_in(random_keyposes):
+def test_keypose_errors_equal_the_offsets_that_the_test_adds(random_keyposes):
     truth = random_keyposes(4).view(4, 2, 9)
     truth[:, 0, 3:7] = torch.tensor([1.0, 0.0, 0.0, 0.0])
     predicted = truth.clone()
@@ -74,7 +74,7 @@ def written_out_lamb(weight: Tensor, gradients: list[Tensor], config: LambConfig
     return weight
 
 
-def test_steps_equal_the_written_out_formula():
+def test_steps_of_lamb_equal_the_written_out_formula():
     config = LambConfig(weight_decay=0.01)
     starts = [torch.randn(4, 3), torch.zeros(5), 100 * torch.randn(6)]  # one zero, one beyond the clamp
     gradients = [[torch.randn_like(start) for start in starts] for _ in range(3)]
@@ -90,7 +90,7 @@ def test_steps_equal_the_written_out_formula():
         torch.testing.assert_close(weight.detach(), expected, rtol=1e-5, atol=1e-6)
 
 
-def test_word_slots_are_stable_and_tokens_tell_sentences_apart_whatever_their_neighbours():
+def test_word_ids_are_stable_and_the_tokens_of_a_sentence_do_not_depend_on_its_batch():
     language = LearnedLanguage(tokens=5, dim=7).eval()
     red, blue, swapped = language(["press the red button", "press the blue button", "button red the press"])
     assert not torch.allclose(red, blue)

@@ -44,7 +44,9 @@ def numbers(policy: KeyposePolicy, bins: KeyposeBins, arm) -> Tensor:
     return torch.cat([2 * (position - lower) / (upper - lower) - 1, angles_deg / 180, 2 * flags - 1], dim=-1)
 
 
-def test_training_tells_the_moved_label(make_leader_follower, leader, make_batch, monkeypatch):
+def test_in_training_the_follower_is_told_the_leaders_augmented_label(
+    make_leader_follower, leader, make_batch, monkeypatch
+):
     policy = make_leader_follower(leader=str(leader), augmentation=True).train()
     motion, shift_m = torch.eye(4).repeat(4, 1, 1), torch.tensor([0.05, -0.05, 0.05])
     motion[:, :3, 3] = shift_m
@@ -188,7 +190,7 @@ def test_with_joint_decoding_the_right_arms_position_follows_the_left_ones(tiny,
     rest = torch.zeros(3, 2, dtype=torch.long)
 
     def losses(voxel: Tensor) -> Tensor:
-        """Of the same targets (3, arms), where the network is told these voxels."""
+        """Cross-entropies (3, arms) of these voxels, which the network is told as well."""
         target = KeyposeBins(voxel, torch.zeros_like(voxel), rest, rest, voxel)
         prediction = network(grid, torch.zeros(3, 8), torch.zeros(3, 4, config.language_dim), target)
         return prediction.translation.cross_entropy(voxel, torch.zeros(3, 2, 3))

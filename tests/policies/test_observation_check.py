@@ -1,4 +1,4 @@
-"""Policies look before they act: what cannot be true is one clear error, what is unlike the training a warning."""
+"""Policies check observations: an impossible one is an error, one unlike the training causes a warning."""
 
 import re
 
@@ -58,7 +58,7 @@ WRONG = {
 }
 
 
-def test_what_cannot_be_true_is_one_clear_line_also_after_the_first_call(make_policy, make_batch):
+def test_an_impossible_observation_is_refused_on_one_line_also_after_the_first_call(make_policy, make_batch):
     policy = make_policy()
     policy.select_action(make_batch())
     for change, message in WRONG.values():

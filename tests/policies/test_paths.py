@@ -1,4 +1,4 @@
-"""Verbs and trainings look at the paths that they are given before they load anything."""
+"""Commands and trainings check the given paths before they load anything."""
 
 import json
 import subprocess
@@ -40,7 +40,7 @@ def test_a_wrong_path_is_named_before_lerobot_and_torch_are_loaded(tmp_path):
 
 
 @pytest.mark.parametrize("below", ["", "last", "checkpoints/last"])
-def test_the_folder_above_a_checkpoint_is_answered_with_the_right_one(tmp_path, capsys, below):
+def test_a_folder_above_a_checkpoint_is_refused_with_the_path_of_the_checkpoint(tmp_path, capsys, below):
     folder = tmp_path / below / "pretrained_model"
     folder.mkdir(parents=True)
     (folder / "config.json").write_text("{}")
@@ -53,7 +53,7 @@ def touch_dataset(folder, **info) -> None:
     (folder / "meta/info.json").write_text(json.dumps({"total_episodes": 4, "fps": 1, "features": {}} | info))
 
 
-def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
+def test_a_folder_above_the_views_is_refused_with_the_paths_of_the_views(tmp_path):
     for view in ("frames", "keyframes"):
         touch_dataset(tmp_path / view)
     with pytest.raises(DatasetError, match=f"--dataset.root={tmp_path / 'keyframes'}"):

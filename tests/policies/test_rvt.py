@@ -139,7 +139,7 @@ def test_loss_equals_the_divergence_from_a_target_image_with_gradients():
 
 
 @pytest.mark.parametrize(("sigma_px", "offset"), [(1.5, 5.0), (0.01, 0.3)])
-def test_a_target_that_no_pixel_of_its_gaussian_shows_is_taught_by_the_nearest_pixel(sigma_px, offset):
+def test_a_target_whose_gaussian_reaches_no_pixel_is_learned_from_the_nearest_pixel(sigma_px, offset):
     logits, voxel = random_logits(size=6), torch.full((2, 2, 3), 5)
     actual = HeatmapTranslation(logits, sigma_px).cross_entropy(voxel, torch.full((2, 2, 3), offset))
     rows, columns = pixels_of_voxels(torch.tensor([5, 5, 5]), 6)
@@ -201,7 +201,7 @@ def test_a_pixel_of_a_product_is_as_probable_as_the_voxels_that_it_shows():
     torch.testing.assert_close(prediction.pixel_probabilities(), images)
 
 
-def test_words_write_filters_of_what_the_views_show():
+def test_language_filters_are_added_to_the_weights_and_biases_of_the_stem():
     network, (views, _, language) = tiny_network(language_filters=True), make_inputs()
     words = network.language_filters(language)
     weight = network.stem.weight.flatten(1) + words[..., :-1]
