@@ -35,10 +35,8 @@ def test_a_thing_from_a_file_has_its_meshes_and_falls_onto_the_table(tmp_path):
     path = tmp_path / "cup.xml"
     asset = '<compiler meshdir="meshes"/><asset><mesh name="cup" file="cup.obj"/></asset>'
     body = '<body name="any" pos="1 1 1"><geom type="mesh" mesh="cup" mass="0.1" group="{}"/></body>'
-    for group, drawn in (
-        (1, 0),
-        (4, COLLISION_ONLY["group"]),
-    ):  # in which MuJoCo's own tools show a thing or not
+    # MuJoCo's own tools show the first group, and not the second.
+    for group, drawn in ((1, 0), (4, COLLISION_ONLY["group"])):
         path.write_text(f"<mujoco>{asset}<worldbody>{body.format(group)}</worldbody></mujoco>")
         model = Scene([ModelFile("cup", str(path))]).model
         assert model.geom_group[model.geom_bodyid == model.body("cup").id] == [drawn]

@@ -7,9 +7,9 @@ at the same time: an item that is put down and picked up again was not handed ov
 
 Departures from the original: the item lies on the left arm's side of the table, beyond the right one's reach; there
 the receiver could pick it up itself in most places. It is 6 cm wide instead of 4 cm and is turned by up to 44 degrees instead of
-22.5, so that the open hand, 8 cm wide, has a centimetre to spare on either side. The right hand must have closed its fingers on the item, at 0.80 m
-or higher, with no part of the left arm touching it; the original asks for the item near the right fingers and not near
-the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
+22.5, so that the open hand, 8 cm wide, has a centimetre to spare on either side. The right hand must have closed its fingers
+on the item, at 0.80 m or higher, with no part of the left arm touching it; in the original the item has to be near the right
+fingers and not near the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
 
 In the setting `varied` five numbers determine the keyposes: the item's place and heading, the height of the pedestal under it,
 up to 15 cm, and its own, 7 to 10 cm. It is 5.5 to 6.5 cm wide and nearly fills the open hand, whose fingers come down in slots

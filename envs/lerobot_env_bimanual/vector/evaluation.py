@@ -230,13 +230,11 @@ class EvaluationLog:
             Environment -> its episode, if it has been played before, or None if it only fills up the batch. Neither is to be
             played.
         """
-        requested_seeds = self._evaluation.seeds
-        asked = {
-            index: seed for index, seed in seeds.items() if requested_seeds is None or seed in requested_seeds
-        }
-        skipped_episodes: dict[int, Episode | None] = dict.fromkeys(seeds.keys() - asked.keys())
+        wanted = self._evaluation.seeds
+        requested = {index: seed for index, seed in seeds.items() if wanted is None or seed in wanted}
+        skipped_episodes: dict[int, Episode | None] = dict.fromkeys(seeds.keys() - requested.keys())
         if self._kept is not None:
-            skipped_episodes |= self._kept.begin(asked)
+            skipped_episodes |= self._kept.begin(requested)
         self._running = (self._running - seeds.keys()) | (seeds.keys() - skipped_episodes.keys())
         if self._evaluation.shows_bar and self._bar.disable:
             shown = getattr(sys.stderr, "unfiltered", sys.stderr)

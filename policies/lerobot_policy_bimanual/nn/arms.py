@@ -50,8 +50,8 @@ class LeaderFollower(nn.Module):
         proprio_dim: numbers of proprioception per arm, without the leader's keypose.
         leader: the arm that decides first.
         codec: the discretisation of keyposes.
-        mark: adds a channel to a scene that marks places (b, 3) in voxels, see `gaussian_1d`; None for the paper's follower, which has the
-            numbers only. `make_network` then also gets `goal_channels=1`.
+        mark: adds a channel to a scene that marks positions (b, 3) in voxels, see `gaussian_1d`; `make_network` then also gets
+            `goal_channels=1`. None for the paper's follower, which has the numbers only.
     """
 
     def __init__(
@@ -89,9 +89,8 @@ class LeaderFollower(nn.Module):
         bodies = dict(zip(ARMS, proprio.chunk(len(ARMS), dim=-1), strict=True))
         targets = {arm: None if target is None else one_arm(target, arm) for arm in ARMS}
         leader = self.leader(scene, bodies[leading], language, targets[leading])
-        with full_precision(
-            proprio.device
-        ):  # in half precision a position would be rounded to parts of a voxel
+        # In half precision a position would be rounded to parts of a voxel.
+        with full_precision(proprio.device):
             goal = targets[leading] or leader.best()
         follower_proprio = torch.cat([bodies[following], self._numbers(goal)], dim=-1)
         follower_scene = scene if self.mark is None else self.mark(scene, goal.voxel_position[:, 0])
