@@ -131,7 +131,7 @@ def of_other_settings(root: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda root: shutil.rmtree(root / "frames"), "frames is not .*: the view is missing"),
+        (lambda root: shutil.rmtree(root / "frames"), "frames is no longer .*: the view is missing"),
         (lambda root: (root / "frames" / VIDEO).write_bytes(b"0"), f"{VIDEO} has changed"),
         (lambda root: (root / "frames" / PROVENANCE_FILE).write_text(""), r"frames/meta/bimanual\.json: "),
         (of_other_settings, "first_seed is 9, not 0"),
