@@ -38,7 +38,7 @@ def usable_memory() -> int:
 
 
 def worker_count(asked: int) -> int:
-    """Worker processes: as many as asked for; for 0 one per usable core, if the memory is enough for so many."""
+    """Worker processes: as many as requested; for 0 one per usable core, if the memory is enough for so many."""
     return asked or max(1, min(usable_cores(), usable_memory() // WORKER_BYTES))
 
 

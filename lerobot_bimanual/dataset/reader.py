@@ -249,7 +249,7 @@ def read_table(path: Path, **options: Any) -> pa.Table:
     """A Parquet file.
 
     Raises:
-        DatasetError: it is missing, damaged or too large, or lacks a column that is asked for.
+        DatasetError: it is missing, damaged or too large, or lacks a requested column.
     """
     try:
         stored = pq.read_metadata(path)

@@ -1,4 +1,4 @@
-"""Keypose policies for two arms, as LeRobot policies: for each its config, the policy, and a function for its processors.
+"""Keypose policies for two arms, as LeRobot policies: for each its config and the policy.
 
 LeRobot's plugin discovery imports this package, always from inside LeRobot. This registers the configs; policies are
 imported on first use. If LeRobot is not loaded, even the configs are not imported, so that the help texts of the
@@ -27,10 +27,6 @@ __all__ = [
     "PerActLFPolicy",
     "RVTLFConfig",
     "RVTLFPolicy",
-    "make_peract2_pre_post_processors",
-    "make_peract_independent_pre_post_processors",
-    "make_peract_lf_pre_post_processors",
-    "make_rvt_lf_pre_post_processors",
 ]
 
 _CLASSES = {
@@ -47,10 +43,9 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import a config, a policy or what makes its processors on first use."""
+    """Import a config or a policy on first use."""
     for policy, begin in _CLASSES.items():
-        makes = f"make_{policy}_pre_post_processors"
-        kinds = {f"{begin}Config": "configuration", f"{begin}Policy": "modeling", makes: "processor"}
+        kinds = {f"{begin}Config": "configuration", f"{begin}Policy": "modeling"}
         if kind := kinds.get(name):
             importlib.import_module(f"{__name__}.configurations")
             return getattr(importlib.import_module(f"{__name__}.{policy}.{kind}_{policy}"), name)

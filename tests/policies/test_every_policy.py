@@ -37,11 +37,10 @@ def test_every_registered_keypose_policy_is_walked_by_these_tests(specimens):
     assert specimens.keys() == {name for name, config in known if issubclass(config, KeyposePolicyConfig)}
 
 
-def test_the_package_offers_the_config_the_policy_and_the_processors_of_every_type(policy_type):
+def test_the_package_offers_the_config_and_the_policy_of_every_type(policy_type):
     offered = {name: getattr(lerobot_policy_bimanual, name) for name in lerobot_policy_bimanual.__all__}
     for kind in (PreTrainedConfig.get_choice_class(policy_type), get_policy_class(policy_type)):
         assert offered[kind.__name__] is kind
-    assert callable(offered[f"make_{policy_type}_pre_post_processors"])
 
 
 def test_a_policy_without_its_preprocessor_is_not_evaluated_as_a_callable():

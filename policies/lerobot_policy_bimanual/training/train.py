@@ -213,7 +213,7 @@ def check_training(cfg: TrainPipelineConfig) -> None:
     """Check that a training can have its dataset in memory, and set its config to no loader processes.
 
     Raises:
-        DatasetError: the dataset is streamed, transformed at random, asked for in metres, for a reward model, has depth for a
+        DatasetError: the dataset is streamed, transformed at random, read in metres, for a reward model, has depth for a
             policy of LeRobot, or as in `check_dataset`.
         UnwritableOutput: nothing can be written to the folder of the training.
         CheckpointError: the checkpoint that it starts from does not pass `check_checkpoint`, and no flag says to trust it.
