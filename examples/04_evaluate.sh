@@ -21,5 +21,5 @@ lerobot-bimanual expert evaluate --task="$TASK" --first_seed="$SEED" --episodes=
 lerobot-bimanual expert evaluate --task="$TASK" --first_seed="$SEED" --episodes="$EPISODES" --player=open_loop --output="$OUT/open_loop.json" ||
     echo "the open-loop baseline scores more than it should, which happens on few episodes"
 
-# The first of them as a video and in pictures, the policy beside the expert.
+# The first of them as a video, the policy beside the expert.
 lerobot-bimanual task view --task="$TASK" --first_seed="$SEED" --checkpoint="$POLICY" --output="$OUT/view"

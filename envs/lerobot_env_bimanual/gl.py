@@ -110,8 +110,8 @@ os.environ.setdefault("LP_NUM_THREADS", "0")
 
 try:
     import mujoco
-except (AttributeError, RuntimeError):
-    # A driver is missing, or the backend is unknown. Physics needs no driver: import without rendering,
+except (AttributeError, RuntimeError, ctypes.ArgumentError):
+    # A driver is missing (without any OpenGL library PyOpenGL raises the last of these), or the backend is unknown. Physics needs no driver: import without rendering,
     # and let a `Renderer` raise `MissingGL` when it is made.
     wanted = os.environ.get("MUJOCO_GL", "")
     os.environ["MUJOCO_GL"] = "disable"

@@ -30,6 +30,10 @@ from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.textures import boards, plaster
 
 SIZE = 128
+SETTLE_AND_RENDER = (
+    "from lerobot_env_bimanual.world.scene import Scene; from lerobot_env_bimanual.world.rendering import Renderer;"
+    "scene = Scene(); scene.settle(1); print('physics runs'); Renderer(scene).render()"
+)
 FIXED = ("front", "left_shoulder", "right_shoulder")
 
 
@@ -171,15 +175,19 @@ def test_edges_are_soft_in_colours_and_hard_in_depth(scene):
     ],
 )
 def test_without_a_context_physics_runs_and_rendering_names_the_cause(variables, cause):
-    program = (
-        "from lerobot_env_bimanual.world.scene import Scene; from lerobot_env_bimanual.world.rendering import Renderer;"
-        "scene = Scene(); scene.settle(1); print('physics runs'); Renderer(scene).render()"
-    )
-    result = without_gl(program, **variables)
+    result = without_gl(SETTLE_AND_RENDER, **variables)
     assert "physics runs" in result.stdout
     problem = result.stderr.splitlines()[-1]
     assert re.search(f"{MissingGL.__name__}: no offscreen OpenGL context: .*{cause}", problem)
     assert "apt-get" not in problem
+
+
+def test_physics_runs_where_egl_is_installed_but_no_library_of_opengl():
+    loader = "import OpenGL.platform.ctypesloader as l; load = l.loadLibrary;"
+    absent = "l.loadLibrary = lambda dll, name, *_, **__: load(dll, name if name == 'EGL' else 'absent');"
+    result = without_gl(loader + absent + SETTLE_AND_RENDER, MUJOCO_GL="egl")
+    assert "physics runs" in result.stdout
+    assert MissingGL.__name__ in result.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from packaging.specifiers import SpecifierSet
 
 import lerobot_env_bimanual
 from lerobot_env_bimanual.experts.world_version import CERTIFIED_MUJOCO
+from lerobot_env_bimanual.gl import INSTALL
 
 ROOT = Path(__file__).parents[2]
 DISTRIBUTIONS = {
@@ -158,3 +159,15 @@ def test_no_text_uses_words_that_the_glossary_replaces() -> None:
                 for word in re.finditer(pattern, line)
             ]
     assert not found, "\n".join(found)
+
+
+def test_the_drivers_to_install_are_the_same_everywhere() -> None:
+    texts = (path.read_text() for path in files_of_the_repository() if path.suffix in (".md", ".yml", ".py"))
+    lists = [
+        found.split()
+        for text in texts
+        for found in re.findall(r"apt-get install (?:-y )?(lib[\w\s-]+)", text)
+    ]
+    wanted = set(INSTALL.split("apt-get install ")[1].split())
+    assert len(lists) >= 4
+    assert all(wanted.issubset(each) for each in lists)

@@ -34,8 +34,8 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     """Make a LeRobot dataset of the episodes that policies have played, by replaying them exactly.
 
     No policy is needed: the recorded actions are played again, and every state is compared with the record. Rows are those of
-    `dataset generate`, with two more columns: `success`, and `failure_class`, as `results diagnose` names it. The keyposes
-    are those that the policy gave; of joint actions they are the poses at the keyframes that discovery finds. Episodes of
+    `dataset generate`, with five more columns: `success`, `failure_class`, as `results diagnose` names it, `policy`, `setting`
+    and `perturb`. The keyposes are those that the policy gave; of joint actions they are the poses at the keyframes that discovery finds. Episodes of
     which no tick was played, or that replay otherwise, are left out and listed. Subtasks are not known: a policy does not
     name what it does.
 
