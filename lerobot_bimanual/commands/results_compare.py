@@ -31,8 +31,8 @@ def results_compare(config: ResultsCompareConfig) -> None:
     Pairs the episodes by seed and prints, per task, both success rates with their 95 % Wilson intervals, on how many episodes
     either was better, and the p-value of McNemar's exact test, also as corrected by Holm for the number of lines. Of policies
     that were trained several times, every training is shown, an episode counts once, with the mean over its trainings, and
-    the p-value is that of the exact sign-flip permutation test. The difference has two standard errors: from the draw of the
-    episodes, and from the draw of the trainings.
+    the p-value is that of an exact permutation test within episodes. The difference has two standard errors: from the draw
+    of the episodes, and from the draw of the trainings.
 
     Examples:
         lerobot-bimanual results compare --first=results/peract2.json --second=results/act.json
@@ -88,6 +88,7 @@ def _print_comparisons(comparisons: dict[str, Comparison]) -> None:
         for (place, comparison), p_holm in zip(comparisons.items(), corrected, strict=True)
     )
     print_table(table, "success on the same seeds")
+    print("p and the first error are of the draw of the episodes, for these trainings.")
     if any(comparison.training_error is None for comparison in comparisons.values()):
         print("A single training of a policy does not show how much another training would differ.")
 

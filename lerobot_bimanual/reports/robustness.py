@@ -16,7 +16,7 @@ from lerobot_bimanual.results.robustness import (
     RobustnessResult,
     is_valid,
 )
-from lerobot_bimanual.results.statistics import holm, sign_flip_p_value
+from lerobot_bimanual.results.statistics import holm, paired_p_value
 from lerobot_bimanual.terminal import print_table, say
 
 
@@ -32,8 +32,8 @@ def conditions_table(result: RobustnessResult) -> pd.DataFrame:
     lines, axes = [], {axis.name: axis for axis in result.axes}
     for each in result.conditions:
         rates, axis = each.rates, axes.get(each.axis)
-        pairs = zip(each.episodes, result.nominal.episodes, strict=True)
-        changes = [here.success - there.success for here, there in pairs]
+        here, nominal = ([episode.success for episode in of.episodes] for of in (each, result.nominal))
+        changes = [now - before for now, before in zip(here, nominal, strict=True)]
         lines.append(
             {
                 "condition": each.name,
@@ -47,7 +47,7 @@ def conditions_table(result: RobustnessResult) -> pd.DataFrame:
                 "valid": each.is_valid,
                 "lost": changes.count(-1),
                 "won": changes.count(1),
-                "p": sign_flip_p_value(changes) if axis else None,
+                "p": paired_p_value(here, nominal) if axis else None,
             }
         )
     table = pd.DataFrame(lines)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import lcm
+from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkResult, Scor
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.protocols import RULES
-from lerobot_bimanual.results.statistics import SuccessRate, sign_flip_p_value
+from lerobot_bimanual.results.statistics import SuccessRate, paired_p_value
 
 type Results = Mapping[Path, Scored]
 
@@ -68,13 +68,13 @@ class Comparison:
 
     @property
     def p_value(self) -> float:
-        """Two-sided p-value of a sign-flip test over the episodes.
+        """Two-sided p-value of the permutation test within episodes; for one training of each it is McNemar's.
 
-        Trainings are tested on the same episodes, and what is hard for one is hard for the others. So an episode counts
-        once, with the mean over its trainings; for one training of each that is McNemar's test.
+        Trainings are tested on the same episodes, and what is hard for one is hard for the others. So outcomes are
+        exchanged among the trainings of an episode only.
         """
-        unit = lcm(len(self.first), len(self.second))  # in parts of so many, every difference is an integer
-        return sign_flip_p_value((self._differences * unit).round().astype(int).tolist())
+        first, second = (table.sum(axis=1).tolist() for table in self.solved)
+        return paired_p_value(first, second, (len(self.first), len(self.second)))
 
     @property
     def difference(self) -> float:
@@ -83,8 +83,12 @@ class Comparison:
 
     @property
     def episode_error(self) -> float:
-        """Standard error of the difference from the draw of the episodes, for these trainings; 0 for one episode."""
-        return float(np.nan_to_num(self._differences.sem()))
+        """Standard error of the difference from the draw of the episodes, for these trainings.
+
+        With one more episode won and one more lost, it is not 0 where both solve all (Bonett and Price 2012).
+        """
+        differences = [*self._differences, 1, -1]
+        return float(np.std(differences) / sqrt(len(differences)))
 
     @property
     def training_error(self) -> float | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import comb, sqrt
 from statistics import NormalDist
 
 import numpy as np
@@ -63,21 +63,29 @@ def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
     return lower, upper
 
 
-def sign_flip_p_value(differences: Sequence[int]) -> float:
-    """Two-sided exact permutation test of paired differences, by their signs (Fisher 1935, Pitman 1937).
+def paired_p_value(first: Sequence[int], second: Sequence[int], trainings: tuple[int, int] = (1, 1)) -> float:
+    """Two-sided p-value of an exact permutation test of paired successes (Fisher 1935, Pitman 1937).
 
-    If both were equally good, each difference could as well have the other sign; this is the probability of a sum at least as
-    far from zero as the one seen, over all signs. Of differences of 1, 0 and -1 it is the exact test of McNemar (1947).
+    If both policies were equally good, it would be chance which of the trainings solve an episode. This is the probability
+    of mean successes at least as different as those seen, over all ways to deal out the successes of each episode. With
+    one training of each it is the exact test of McNemar (1947).
 
     Args:
-        differences: one per episode, first less second, in a unit that makes them integers.
+        first: successes of the trainings of the first policy, one number per episode.
+        second: those of the second, on the same episodes.
+        trainings: number of trainings of either.
     """
-    total = sum(map(abs, differences))
-    chances = np.ones(1)  # of each sum of the positive ones; the whole sum is twice that minus `total`
-    for size in map(abs, differences):
-        chances = (np.pad(chances, (0, size)) + np.pad(chances, (size, 0))) / 2
-    sums = 2 * np.arange(total + 1) - total
-    return min(1.0, float(chances[abs(sums) >= abs(sum(differences))].sum()))
+    n, m = trainings
+    solved = [a + b for a, b in zip(first, second, strict=True)]
+    chances = np.ones(
+        1
+    )  # of each number of successes of the first, whose part in an episode is hypergeometric
+    for count in solved:
+        ways = [comb(count, k) * comb(n + m - count, n - k) for k in range(n + 1)]
+        chances = np.convolve(chances, np.divide(ways, comb(n + m, n)))
+    # The difference between the means, in parts of 1 / (n m), is an integer.
+    differences = (n + m) * np.arange(len(chances)) - n * sum(solved)
+    return min(1.0, float(chances[abs(differences) >= abs(differences[sum(first)])].sum()))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -1,7 +1,8 @@
 """Success rates and their intervals, policies side by side on the same episodes, and robustness results."""
 
 import re
-from itertools import product
+from itertools import combinations, product
+from math import comb
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from lerobot_bimanual.reports.robustness import conditions_table, print_robustne
 from lerobot_bimanual.results.comparison import Comparison
 from lerobot_bimanual.results.record import BadRecord
 from lerobot_bimanual.results.robustness import RobustnessResult, is_valid, read_expert_robustness
-from lerobot_bimanual.results.statistics import SuccessRate, holm, sign_flip_p_value, wilson_interval
+from lerobot_bimanual.results.statistics import SuccessRate, holm, paired_p_value, wilson_interval
 
 OTHER_VERSIONS = VERSIONS | {"mujoco": "4"}
 OTHER_DEMONSTRATIONS = RESULT.demonstrations.model_copy(update={"versions": OTHER_VERSIONS})
@@ -53,21 +54,17 @@ def test_the_standard_error_over_episodes_and_the_one_over_trainings_are_compute
     second = (trained("x...", 1, "other"), trained("x...", 2, "other"))
     comparison = Comparison(first, second)
     assert comparison.difference == pytest.approx(0.75 - 0.25)
-    # By episode the difference is 0, 1, 0.5, 0.5; the first's trainings differ by 0.5, the second's by 0.
-    assert comparison.episode_error == pytest.approx((0.5 / 3) ** 0.5 / 2)
+    # By episode the difference is 0, 1, 0.5, 0.5, and 1 and -1 are added; the first's trainings differ by 0.5, the second's by 0.
+    assert comparison.episode_error == pytest.approx((3.5 / 6 - 1 / 9) ** 0.5 / 6**0.5)
     assert comparison.training_error == pytest.approx((0.125 / 2) ** 0.5)
     assert comparison.better == (3, 0)
     assert Comparison(first[:1], second).training_error is None
 
 
-def test_a_second_training_tested_on_the_same_episodes_does_not_double_their_number():
+def test_outcomes_are_exchanged_among_the_trainings_of_an_episode():
     first, second = (trained("xxx.", 1), trained("xx.x", 2)), (trained("...x", 1, "other"),)
-    once, twice = Comparison(first[:1], second), Comparison(first, second)
-    assert once.p_value == pytest.approx(10 / 16)
-    # In halves of a success the differences are 2, 2, 1 and -1; of 16 choices of their signs six reach 4 or -4.
-    assert twice.p_value == pytest.approx(6 / 16)
-    alike = Comparison((first[0], trained("xxx.", 3)), (second[0], trained("...x", 4, "other")))
-    assert alike.p_value == pytest.approx(once.p_value)
+    assert Comparison(first[:1], second).p_value == pytest.approx(10 / 16)
+    assert Comparison(first, second).p_value == paired_p_value([2, 2, 1, 1], [0, 0, 0, 1], (2, 1))
 
 
 def test_the_same_weights_are_not_a_second_training_but_may_score_several_tasks(tmp_path, capsys):
@@ -89,7 +86,7 @@ def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_p
     printed = capsys.readouterr().out
     for task in ("lift_ball", "push_box"):
         (line,) = [line for line in printed.splitlines() if task in line and "±" in line]
-        assert re.split(" {2,}", line)[3:] == ["+100.0% ± 0.0% (episodes)", "4, 0", "0.125", "0.25"]
+        assert re.split(" {2,}", line)[3:] == ["+100.0% ± 30.4% (episodes)", "4, 0", "0.125", "0.25"]
     assert "A single training of a policy does not show" in printed
 
 
@@ -138,11 +135,32 @@ def test_wilson_interval_has_the_published_values(successes, trials, lower, uppe
     assert wilson_interval(successes, trials) == pytest.approx((lower, upper), abs=5e-5)
 
 
-@pytest.mark.parametrize("differences", [[3], [2, -1, 0, 3], [1, 1, -2, 4, 4, 0, -1], [5, 3, 3, 2, -1, 6, 6]])
-def test_the_sign_flip_test_counts_all_signs(differences):
-    sums = [abs(np.dot(signs, differences)) for signs in product((-1, 1), repeat=len(differences))]
-    at_least = np.mean([value >= abs(sum(differences)) for value in sums])
-    assert sign_flip_p_value(differences) == pytest.approx(at_least)
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [(["xx.x"], ["...x"]), (["xxx.", "xx.x"], ["...x"]), (["x.x.", "x..x", "xx.."], ["..xx", ".xx."])],
+)
+def test_the_permutation_test_counts_all_ways_to_deal_out_the_outcomes_of_each_episode(first, second):
+    outcomes = np.array([[mark == "x" for mark in marks] for marks in (*first, *second)])
+    n, trainings = len(first), len(outcomes)
+    seen = abs(outcomes[:n].mean() - outcomes[n:].mean())
+    dealt = [
+        [
+            episode[list(chosen)].sum() / n - np.delete(episode, chosen).sum() / (trainings - n)
+            for chosen in combinations(range(trainings), n)
+        ]
+        for episode in outcomes.T
+    ]
+    at_least = np.mean([abs(np.mean(differences)) > seen - 1e-9 for differences in product(*dealt)])
+    of_episode = outcomes[:n].sum(axis=0).tolist(), outcomes[n:].sum(axis=0).tolist()
+    assert paired_p_value(*of_episode, (n, trainings - n)) == pytest.approx(at_least)
+
+
+def test_a_failure_of_one_training_of_two_is_no_evidence_against_a_policy_that_was_trained_once():
+    # If ten episodes have one failure each, all fall on the two trainings with a probability of (2/3)^10 = 0.017; as far from
+    # the expected 20/3 on the other side is at most three: 0.020.
+    p_value = paired_p_value([1] * 10, [1] * 10, (2, 1))
+    assert p_value == pytest.approx(sum(comb(10, k) * 2**k for k in (0, 1, 2, 3, 10)) / 3**10)
+    assert p_value == pytest.approx(0.037, abs=5e-4)
 
 
 def test_holm_corrects_for_the_number_of_questions_and_keeps_the_order():
