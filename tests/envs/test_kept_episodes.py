@@ -3,6 +3,7 @@
 import ast
 import logging
 import re
+import zlib
 from functools import partial
 from pathlib import Path
 
@@ -113,6 +114,11 @@ def test_episodes_that_fill_up_the_last_batch_are_not_played(kept, undisturbed, 
     assert "0 of 5 episodes solved" in caplog.text
     films = {int(path.stem.split("seed")[1].split("_")[0]) for path in (tmp_path / "films").iterdir()}
     assert films == {episode.seed for episode in record.episodes if episode.ticks}
+    assert "films, but" not in caplog.text
+    if kept:
+        with caplog.at_level(logging.INFO):
+            Program(tmp_path, video_dir=str(tmp_path / "none")).run().envs.close()
+        assert "none, but none of 5 played earlier" in caplog.text
 
 
 OTHERS = {
@@ -206,6 +212,10 @@ def other_link(links: str) -> str:
 CHANGES = {
     "a bit of an action": (lambda e: with_actions(e, flipped_bit), "another action or state at step 1"),
     "an action less": (lambda e: with_actions(e, lambda actions: actions[:-1]), "not over after its"),
+    "an action more": (
+        lambda e: with_actions(e, lambda actions: actions[[*range(len(actions)), -1]]),
+        "further actions",
+    ),
     "unreadable actions": (lambda e: reproved(e, actions=("7x18:!",)), "cannot be unpacked|not the 7"),
     "the seed": (lambda e: e.model_copy(update={"seed": e.seed + 1}), "another state at the start"),
     "a link": (lambda e: reproved(e, links=other_link(e.proof.links)), "another action or state at step 1"),
@@ -221,6 +231,15 @@ CHANGES = {
 @pytest.mark.parametrize(("change", "message"), CHANGES.values(), ids=CHANGES.keys())
 def test_every_change_of_an_episode_is_found(change, message, episode, verifier):
     assert re.search(message, "; ".join(verifier(change(episode))))
+
+
+def test_actions_that_another_zlib_has_packed_replay_as_recorded(episode, verifier, monkeypatch):
+    pack = zlib.compress
+    monkeypatch.setattr(zlib, "compress", lambda data, level: pack(data, level=0))
+    repacked = with_actions(episode, lambda actions: actions)
+    assert repacked.proof.actions != episode.proof.actions
+    monkeypatch.undo()
+    assert verifier(repacked) == []
 
 
 @pytest.mark.parametrize("answer", [np.full(16, np.nan), InvalidAction("an action must be a vector")])

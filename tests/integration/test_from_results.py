@@ -61,6 +61,7 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes(tmp_path, cap
     assert reached[schema.KEYPOSE_STEP].ravel().tolist() == [*range(len(given) + 1)]
     assert main(["dataset", "verify", f"--root={root}", "--workers=1"]) == 3
 
-    assert main([*words, f"--root={tmp_path / 'failed'}", "--outcome=failed", "--view=keyframes"]) == 0
+    (tmp_path / "link").symlink_to(tmp_path / "failed")
+    assert main([*words, f"--root={tmp_path / 'link'}", "--outcome=failed", "--view=keyframes"]) == 0
     assert len(RecordedDataset(tmp_path / "failed")) == 1
     assert main([*words, f"--root={root}"]) == 1

@@ -1,5 +1,6 @@
 """The command `dataset from-results`: a dataset of the episodes that policies have played."""
 
+import os
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import batched, chain
@@ -56,8 +57,9 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     from lerobot_env_bimanual.verification.result_files import ResultFile
     from lerobot_env_bimanual.workers import WorkerPool
 
+    root = Path(os.path.realpath(config.root))  # of a link, the folder that it leads to
     repo_id = repo_id_of(config.repo_id, config.root)
-    if config.root.exists():
+    if root.exists():
         raise DatasetError(f"{config.root} is there already; choose another --root or remove it")
     results = [ResultFile.read(path) for path in result_paths(config.results)]
     for result in results:
@@ -70,11 +72,11 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     is_perturbed = any(result.record.options.get("perturb") for result in results)
     selected_outcomes = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
     with plain_write_errors(config.root):
-        config.root.absolute().parent.mkdir(parents=True, exist_ok=True)
+        root.parent.mkdir(parents=True, exist_ok=True)
 
     from lerobot_bimanual.dataset.merging import merge_datasets  # LeRobot and torch take seconds
 
-    with plain_write_errors(config.root), new_folder(config.root.absolute().parent) as folder:
+    with plain_write_errors(config.root), new_folder(root.parent) as folder:
         jobs = list[Part]()
         for result in results:
             head = result.record.task, result.policy_id, tuple(result.record.options.items())
@@ -96,7 +98,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
             target = merged / view if len(views) > 1 else merged
             merge_datasets([part / view for part in parts], target)
             write_checksums(target)
-        move_durably(merged, config.root)
+        move_durably(merged, root)
     say(*(f"left out: {text}" for text in left_out))
     stored = sum(len(some) for *_, some, _ in jobs) - len(left_out)
     print(f"{config.root}: {stored} episodes")

@@ -142,9 +142,9 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
             report = report.with_tasks_of(found) if report else found
             if config.output is not None:
                 report.write(config.output)
+        if log is not None:
+            log.remove()
     assert report is not None  # there is a task
-    if log is not None:
-        log.remove()
     print_report(report)
     if report.violations:
         return 1

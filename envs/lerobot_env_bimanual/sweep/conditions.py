@@ -195,19 +195,19 @@ def sweep_expert(
         few = seeds[: config.open_loop_episodes]
         expert = solved_seeds(evaluator, "expert", missing, template, seeds)
         open_loop = solved_seeds(evaluator, "open_loop", missing, template, few)
-    found = [
-        ExpertCondition(
-            axis=axis,
-            level=level,
-            world=worlds[axis, level],
-            expert_failed=tuple(seed for seed in seeds if seed not in expert[axis, level]),
-            open_loop_solved=open_loop[axis, level],
+        found = [
+            ExpertCondition(
+                axis=axis,
+                level=level,
+                world=worlds[axis, level],
+                expert_failed=tuple(seed for seed in seeds if seed not in expert[axis, level]),
+                open_loop_solved=open_loop[axis, level],
+            )
+            for axis, level in missing
+        ]
+        report = ExpertRobustnessReport(
+            schema_version=3, config=config, **merge_conditions(earlier, found, conditions)
         )
-        for axis, level in missing
-    ]
-    report = ExpertRobustnessReport(
-        schema_version=3, config=config, **merge_conditions(earlier, found, conditions)
-    )
-    report.write(output)
-    log.remove()
+        report.write(output)
+        log.remove()
     return report

@@ -218,6 +218,7 @@ class EvaluationLog:
         self._task, self._options = task, options
         self._running: set[int] = set()
         self._episodes: list[Episode] = []
+        self._known = 0  # episodes that were played earlier
         self._evaluation, self._bar = evaluation, tqdm(disable=True)
         self._kept: KeptEpisodes | None = None
         if (folder := options.results_dir) is not None:
@@ -241,6 +242,7 @@ class EvaluationLog:
             total = len(self._evaluation.seeds or ())
             self._bar = tqdm(desc=self._task, total=total, unit="episode", file=shown, position=0)
         for episode in skipped_episodes.values():
+            self._known += episode is not None
             self._count(episode)
         return skipped_episodes
 
@@ -267,13 +269,18 @@ class EvaluationLog:
         """Sum up the episodes since the last time, if there were any."""
         self._bar.close()
         episodes, self._episodes = self._episodes, []
+        known_episodes, self._known = self._known, 0
         self._running.clear()
         kept = "" if self._kept is None else self._kept.finish()
         if not episodes:
             return
-        videos = "--env.video_dir=FOLDER writes a video of every episode"
+        videos = "--env.video_dir=FOLDER writes a video of every episode that is played"
         if (folder := self._options.video_dir) is not None:
             videos = f"videos in {folder}"
+            if known_episodes:
+                videos += (
+                    f", but none of {known_episodes} played earlier: another results_dir plays them again"
+                )
         if kept and self._evaluation.is_kept:
             videos = f"{kept}; {videos}"
         known = [episode.survived for episode in episodes if episode.survived is not None]

@@ -46,7 +46,7 @@ def evaluate(
         task: name of the task.
         seeds: of the episodes, of the split `test` by default.
         name: what tables call the policy. A name in a `results_dir` stands for one policy: an evaluation that was interrupted
-            goes on when it is called again. Without it the folder must be a new one.
+            goes on when it is called again; random numbers of the policy do not. Without it the folder must be a new one.
         keys: of the observation, as for `make_env`.
         environments: played side by side, each in a process of its own; a policy with `reset` plays one.
         progress: whether to show a bar, and at the end why episodes failed.
