@@ -47,7 +47,7 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes(tmp_path, cap
         assert [bool(row[feature_table.SUCCESS]) for row in last] == [True, True, False]
         assert [row[feature_table.FAILURE_CLASS] for row in last] == ["", "", "unreachable"]
         assert {(row["policy"], row["setting"], row["perturb"]) for row in last} == {
-            ("unnamed", "standard", "")
+            ("lift_ball_test_record", "standard", "")
         }
     frames = RecordedDataset(root / "frames")
     assert [len(episode) for episode in frames.episodes()] == [each.ticks for each in episodes[:3]]
