@@ -78,7 +78,7 @@ DAMAGES: dict[str, tuple[Change, str]] = {
     "unknown policy": (config(type="stranger"), "the policy 'stranger' loads language_encoder="),
     "language too wide for any memory": (config(language_dim=10**9), "language_dim is 1000000000"),
     "normalisation from outside": (config(normalization_mapping={"VISUAL": "MEAN_STD"}), "must be IDENTITY"),
-    "an adapter": (config(use_peft=True), "use_peft"),
+    "an adapter": (config(use_peft=True), "an adapter loads its base by name.*--trust_checkpoint=true"),
     "too deep": (write(CONFIG, b"[" * 10**6), "maximum recursion depth"),
     "a config without end": (write(CONFIG, b" " * (2**26 + 1)), "exceeds the limit of 65536 kB"),
     "no config": (remove(CONFIG), "no checkpoint at"),

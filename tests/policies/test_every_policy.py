@@ -107,6 +107,18 @@ def test_gradients_reach_every_parameter(make_policy, make_batch):
             assert parameter.grad.any(), name
 
 
+def test_linear_layers_map_the_last_axis_alone_as_adapters_do(make_policy, make_batch):
+    def check(layer: torch.nn.Linear, inputs: tuple[torch.Tensor], output: torch.Tensor) -> None:
+        assert output.shape == (*inputs[0].shape[:-1], layer.out_features)
+
+    policy = make_policy()
+    layers = [module for module in policy.modules() if isinstance(module, torch.nn.Linear)]
+    for layer in layers:
+        layer.register_forward_hook(check)
+    policy(make_batch())
+    assert layers
+
+
 def test_bfloat16_gives_nearly_the_same_loss(make_policy, make_batch):
     full, half = make_policy().eval(), make_policy(dtype="bfloat16").eval()
     half.load_state_dict(full.state_dict())

@@ -203,7 +203,7 @@ def test_a_pixel_of_a_product_is_as_probable_as_the_voxels_that_it_shows():
 
 def test_language_filters_are_added_to_the_weights_and_biases_of_the_stem():
     network, (views, _, language) = tiny_network(language_filters=True), make_inputs()
-    words = network.language_filters(language)
+    words = network.language_filters(language.mean(dim=1)).unflatten(1, (-1, views.shape[2] + 1))
     weight = network.stem.weight.flatten(1) + words[..., :-1]
     bias = network.stem.bias + words[..., -1]
     pixels = torch.einsum("boi,bvihw->bvohw", weight, views) + bias[:, None, :, None, None]

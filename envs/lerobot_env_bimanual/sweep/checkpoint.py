@@ -54,7 +54,9 @@ class Checkpoint:
         """
         require_checkpoint(folder)
         if not (folder / WEIGHTS_FILE).is_file():
-            raise BimanualError(f"{folder / WEIGHTS_FILE} does not exist: the checkpoint is incomplete")
+            raise BimanualError(
+                f"{folder / WEIGHTS_FILE} does not exist: the checkpoint is incomplete, or an adapter"
+            )
         config = _Config.read(folder / CONFIG_FILE)
         cameras = [camera for camera in CAMERA_NAMES if image_key(camera) in config.input_features]
         sizes = {"x".join(map(str, config.input_features[image_key(name)].shape[1:])) for name in cameras}

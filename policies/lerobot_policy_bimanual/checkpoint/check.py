@@ -102,7 +102,7 @@ def _read_config(file: Path) -> PreTrainedConfig:
     except Exception as error:  # draccus and the configs raise many kinds
         raise CheckpointError(f"{file}: {plain(' '.join(str(error.__cause__ or error).split()))}") from error
     if config.use_peft:
-        raise CheckpointError(f"{file}: use_peft is true, but adapters cannot be checked")
+        raise UnverifiableCheckpoint(f"{file}: use_peft is true, and an adapter", "its base")
     if encoder not in SELF_CONTAINED:
         raise UnverifiableCheckpoint(
             f"{file}: the policy {shown(name)}", options_text({"language_encoder": encoder})

@@ -44,6 +44,10 @@ def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy,
         raise CheckpointError(
             f"{checkpoint} holds the policy {config.type!r}, which predicts no keyposes. Policies that do: {fit}"
         )
+    if config.use_peft:
+        raise CheckpointError(
+            f"{checkpoint} holds an adapter, which only LeRobot's programs load: give a whole checkpoint"
+        )
     # One prediction does not pay for compiling, and there may be fewer devices of its kind than in training.
     config = replace(config, compile=False, device=str(config.device).partition(":")[0])
     policy = cast(KeyposePolicy, get_policy_class(config.type).from_pretrained(checkpoint, config=config))

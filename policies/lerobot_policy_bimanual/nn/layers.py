@@ -104,17 +104,14 @@ class LanguageFilters(nn.Linear):
 
     A dynamic filter network (De Brabandere et al., arXiv 1605.09673): "the red item" becomes a detector of red at every
     voxel or pixel. From a hundred demonstrations a small network does not learn that through attention alone
-    (docs/learning.md). The layer reads `inputs` channels and writes `outputs`.
+    (docs/learning.md). From the mean (b, dim) of the language tokens it computes (b, outputs * (inputs + 1)) for a layer that
+    reads `inputs` channels and writes `outputs`, the bias after each output's weights. Input and output are those of any
+    linear layer, so that adapters fit.
     """
 
     def __init__(self, language_dim: int, inputs: int, outputs: int):
         super().__init__(language_dim, outputs * (inputs + 1))
-        self.shape = (outputs, inputs + 1)
         init_linear(self)
-
-    def forward(self, input: Tensor) -> Tensor:
-        """Language tokens (b, tokens, dim) to filters (b, outputs, inputs + 1), the bias last."""
-        return super().forward(input.mean(dim=1)).unflatten(1, self.shape)
 
 
 def gaussian_1d(index: Tensor, size: int) -> Tensor:

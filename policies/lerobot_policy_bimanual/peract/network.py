@@ -123,7 +123,9 @@ class PerActNetwork(nn.Module):
         """
         if self.quadratic_features:
             grid = torch.cat([grid, grid[:, QUADRATIC].square()], dim=1)
-        filters = None if self.language_filters is None else self.language_filters(language)
+        filters = None
+        if self.language_filters is not None:
+            filters = self.language_filters(language.mean(dim=1)).unflatten(1, (-1, grid.shape[1] + 1))
         stem, patches = self.translation.read(grid, self.stem, self.patchify, filters)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
         proprio_features = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)

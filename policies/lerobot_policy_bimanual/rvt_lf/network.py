@@ -99,7 +99,7 @@ class RVTNetwork(nn.Module):
             views = torch.cat([views, views[:, :, QUADRATIC].square()], dim=2)
         if self.language_filters is None:
             return self.stem(views.flatten(0, 1))
-        filters = self.language_filters(language)  # (b, channels, inputs + 1)
+        filters = self.language_filters(language.mean(dim=1)).unflatten(1, (-1, views.shape[2] + 1))
         weight = self.stem.weight.flatten(1) + filters[..., :-1]
         bias = self.stem.bias + filters[..., -1]
         pixels = torch.baddbmm(bias[..., None], weight, views.transpose(1, 2).flatten(2))
