@@ -86,6 +86,21 @@ def test_tables_of_pages_are_those_of_the_results_and_the_registry() -> None:
         assert tables["with_table"](page, name) == page, "run scripts/tables.py"
 
 
+def test_the_sums_of_shifted_hands_are_those_of_their_page() -> None:
+    pages = [(ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("hands.md", "coordination.md")]
+    _, measured = pages[0].split("## Shifted hands in `standard`\n")
+    by_task = [
+        [[int(count) for count in cell.split(",")] for cell in row.split("|")[2:4]]
+        for row in re.findall(r"^\| `.*", measured.partition("\n## ")[0], re.MULTILINE)
+    ]
+    for line, solved in zip(
+        ("both hands the same way", "opposite ways"), zip(*by_task, strict=True), strict=True
+    ):
+        assert (
+            f"| {line} | {' | '.join(str(sum(shift)) for shift in zip(*solved, strict=True))} |" in pages[1]
+        )
+
+
 LOADED = re.compile(r"""<(?:script|img|link|source|iframe)[^>]*?(?:src|href)=["']?(https?:[^"'\s>]+)""")
 
 
