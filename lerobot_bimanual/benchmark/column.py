@@ -89,7 +89,7 @@ def run_column(column: Sequence[BenchmarkConfig], lanes: int) -> None:
 def _start(cell: BenchmarkConfig) -> subprocess.Popen[bytes]:
     path = _log(cell)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("wb") as log:
+    with path.open("ab") as log:  # after what earlier runs have printed
         return start(shlex.split(command(cell)), log)
 
 

@@ -11,7 +11,7 @@ from lerobot_bimanual.benchmark.recipes import SIZES, SUFFIX, Recipe, option_tex
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkSettings
-from lerobot_bimanual.results.protocols import OWN, PROTOCOLS, RULES
+from lerobot_bimanual.results.protocols import OWN, PROTOCOLS, RULES, protocol_of
 
 OWN_FLAGS = {
     "train_flags": (
@@ -109,7 +109,8 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         )
     recipe = Recipe.find(config.policy, config.recipe)
     usual = vars(sizes(config.recipe)) | vars(recipe)
-    usual |= {name: usual[name] * PROTOCOLS[config.protocol].rounds for name in ("steps", "save_freq")}
+    protocol = protocol_of(flags | {"task": config.task, "evaluation": _options(config, "eval_flags")})
+    usual |= {name: usual[name] * PROTOCOLS[protocol].rounds for name in ("steps", "save_freq")}
     given = {name: flags.pop(name, getattr(config, name)) for name in NUMBERS}
     numbers = {name: usual[name] if number is None else number for name, number in given.items()}
     training = recipe.options(numbers["image_size"])

@@ -116,8 +116,8 @@ class Pipeline:
         self._call = call
         check_output_folder(folder)
 
-    def run(self, command: Command) -> None:
-        """Run one command with its output shown, unless the same command has already succeeded here.
+    def run(self, command: Command) -> bool:
+        """Run one command with its output shown, unless the same command has already succeeded here; return whether it ran.
 
         An interrupted training goes on from its last checkpoint; other commands begin anew.
 
@@ -126,13 +126,13 @@ class Pipeline:
                 another training, its marker is damaged, or another process runs a command in the folder of the markers.
         """
         with locked(self._folder):
-            self._run(command)
+            return self._run(command)
 
-    def _run(self, command: Command) -> None:
+    def _run(self, command: Command) -> bool:
         marker = self._marker(command)
         if marker.done and command.output.exists():
             self._console.rule(f"[bold]{command.name}[/bold] (already done)")
-            return
+            return False
         self._console.rule(f"[bold]{command.name}[/bold]")
         words, seconds = command.words, 0.0
         if command.training_folder is not None and (resume := self._resume(command, command.training_folder)):
@@ -162,6 +162,7 @@ class Pipeline:
             )
         marker.model_copy(update={"done": True}).write(self._path(command))
         self._console.print(f"[dim]{command.name}: {marker.seconds:.0f} s[/dim]")
+        return True
 
     def seconds(self, command: Command) -> float:
         """Wall time of a command that is done, with the runs that were interrupted and resumed."""
@@ -177,8 +178,11 @@ class Pipeline:
                 )
         inputs = {str(path): sha256(path) for path in command.inputs}
         new = Marker(command=str(command), inputs=inputs, done=False, seconds=0.0)
-        found = Marker.read(path) if (path := self._path(command)).is_file() else new
-        return found if _has_same_output(found.command, str(command)) and found.inputs == inputs else new
+        found = self._found_marker(command)
+        return found if found is not None and _has_same_output(found, new) else new
+
+    def _found_marker(self, command: Command) -> Marker | None:
+        return Marker.read(path) if (path := self._path(command)).is_file() else None
 
     def _path(self, command: Command) -> Path:
         return self._folder / f"{command.name}.command.json"
@@ -191,15 +195,17 @@ class Pipeline:
         if not (folder / "checkpoints" / "last").exists():
             state = "training_state/**/optimizer_param_groups.json"
             checkpoints = [path for path in checkpoints if any(path.parents[1].glob(state))]
-        if not checkpoints:
+        found = self._found_marker(command)
+        is_same = found is not None and _has_same_output(found, self._marker(command))
+        is_kept = found is not None and found.done and command.output.exists()
+        if not checkpoints and (is_same or not is_kept):
             # lerobot-train refuses an existing folder, and this one holds nothing to keep.
             shutil.rmtree(folder, ignore_errors=True)
             return None
-        path = self._path(command)
-        if not path.is_file() or not _has_same_output(Marker.read(path).command, str(command)):
+        if not is_same:
             raise BimanualError(
-                f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
-                f"remove the folder to train anew with: {command}"
+                f"{folder} holds checkpoints of a training with other flags or demonstrations, or was made at another place. "
+                f"Choose another --output, or remove the folder to train anew with: {command}"
             )
         # The training's own checkpoint is trusted: the check passes only policies that load nothing by name.
         words = [command.words[0], f"--config_path={checkpoints[-1]}"]
@@ -207,9 +213,10 @@ class Pipeline:
         return [*words, "--trust_checkpoint=true", "--resume=true", *kept]
 
 
-def _has_same_output(first: str, second: str) -> bool:
+def _has_same_output(first: Marker, second: Marker) -> bool:
     """Whether two commands have the same output."""
-    return re.sub(IRRELEVANT_FLAGS, "", first) == re.sub(IRRELEVANT_FLAGS, "", second)
+    commands = (re.sub(IRRELEVANT_FLAGS, "", marker.command) for marker in (first, second))
+    return len({*commands}) == 1 and first.inputs == second.inputs
 
 
 def show_command(console: Console, prompt: str, words: Iterable[str]) -> None:

@@ -9,9 +9,9 @@ from lerobot_bimanual.benchmark.config import BenchmarkConfig, flag_words, resol
 from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.recipes import Recipe, sizes
 from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset.schema import PROVENANCE_FILE
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
 from lerobot_bimanual.results.evaluation import STANDARD, eval_key, with_perturb_suffix
-from lerobot_bimanual.results.protocols import PROTOCOLS
 
 ScoredSplit = Literal["val", "test"]
 BASELINES = ("expert", "open_loop")
@@ -140,7 +140,7 @@ class Plan:
             "split": "test",
             "first_seed": seeds.start,
             "episodes": len(seeds),
-            "player": PROTOCOLS[settings.protocol].expert if player == "expert" else player,
+            "player": "replanning" if player == "expert" and settings.perturb else player,
             "perturb": settings.perturb,
             "setting": self._setting,
             "workers": self.workers,
@@ -164,7 +164,8 @@ class Plan:
             "output_dir": str(folder),
         }
         words = ["lerobot-bimanual-train", *flag_words(_without_empty_options(options) | settings.training)]
-        return Command("train", words, self.checkpoint(settings.steps), training_folder=folder)
+        learned = (self.dataset / PROVENANCE_FILE,)
+        return Command("train", words, self.checkpoint(settings.steps), learned, training_folder=folder)
 
     def evaluation(self, split: ScoredSplit, step: int) -> Command:
         """Score one checkpoint."""

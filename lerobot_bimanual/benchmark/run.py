@@ -92,6 +92,10 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
     """
     settings = plan.settings
     if (made := _existing_result(plan)) is not None:
+        if plan.video_dir is not None:
+            console.print(
+                f"no videos: {plan.result} is there already; remove it and the evaluations to play them again"
+            )
         return made
     shared = Pipeline(plan.folder, console)
     worlds, reports = {}, {}
@@ -106,7 +110,9 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
     _check_one_world(worlds, settings.task)
 
     training, own = Pipeline(plan.training_folder, console), Pipeline(plan.run_folder, console)
-    training.run(plan.training())
+    trained_here, machine_file = training.run(plan.training()), plan.training_folder / "machine.json"
+    if trained_here or not machine_file.is_file():
+        Machine.this(settings.device).write(machine_file)
     validation, scores = [], {settings.steps: 0.0}
     for step in settings.checkpoint_steps if settings.val_episodes else ():
         own.run(plan.evaluation("val", step))
@@ -133,7 +139,7 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
             checkpoint_step=step,
             checkpoint_sha256=sha256(plan.weights(step)),
             training_seconds=round(training.seconds(plan.training()), 1),
-            machine=Machine.this(settings.device),
+            machine=Machine.read(machine_file),
             options=tested.options,
             batch_size=tested.batch_size,
             versions=tested.versions,

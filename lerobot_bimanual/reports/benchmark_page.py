@@ -1,5 +1,7 @@
 """Page of the results of many benchmarks, side by side."""
 
+import hashlib
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from statistics import fmean, stdev
@@ -13,8 +15,8 @@ from lerobot_bimanual.benchmark.plan import BASELINES
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.pages import render
-from lerobot_bimanual.results.benchmark import BenchmarkResult, Scored, read_scored
-from lerobot_bimanual.results.comparison import check_comparable
+from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkResult, Scored, read_scored
+from lerobot_bimanual.results.comparison import check_comparable, table_key
 from lerobot_bimanual.results.episode import success_rate, survival_rate
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.protocols import OWN, PROTOCOLS
@@ -52,6 +54,7 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
         board=board_table(table),
         success={name: success_table(lines) for name, lines in table.groupby("protocol", observed=True)},
         survival=survival_table(each for _, each in ordered),
+        split=ordered[0][1].options["split"],
         training=_training_table(trained, beyond) if trained else None,
         command=again,
     )
@@ -83,9 +86,11 @@ def results_table(results: Iterable[Scored]) -> pd.DataFrame:
     rows, baselines = [], {}
     for each in results:
         seed = each.policy.get("seed", 0) if isinstance(each, EvaluationRecord) else each.config.seed
-        rows.append({**_place(each), "key": each.eval_key, "seed": seed, "rate": success_rate(each.episodes)})
+        rows.append(
+            {**_place(each), "key": table_key(each), "seed": seed, "rate": success_rate(each.episodes)}
+        )
         if isinstance(each, BenchmarkResult):
-            baselines[each.eval_key] = {name: each.rates[name] for name in BASELINES}
+            baselines[table_key(each)] = {name: each.rates[name] for name in BASELINES}
     absent = dict.fromkeys(BASELINES)
     table: Any = pd.DataFrame(row | baselines.get(row.pop("key"), absent) for row in rows)
     table["protocol"] = pd.Categorical(table.protocol, [*PROTOCOLS])
@@ -168,13 +173,21 @@ def _training_table(results: Iterable[tuple[Path, BenchmarkResult]], beyond: Map
             "steps": each.config.steps,
             "minutes": each.training_seconds / 60,
             "machine": each.machine.gpu or f"{each.machine.cpus} cores",
-            "beyond the recipe": beyond.get(path, "its recipe is not installed here"),
+            "beyond the recipe": beyond.get(path)
+            or f"not known, its recipe is not installed (settings {_digest(each)})",
         }
         for path, each in results
     )
     settings = ["policy", "protocol", "demos", "steps", "machine", "beyond the recipe"]
     lines = table.groupby(settings).agg({"results": "count", "minutes": _range}).reset_index()
     return lines[table.columns]
+
+
+def _digest(result: BenchmarkResult) -> str:
+    """Eight digits that tell the settings of trainings apart."""
+    training = {name: value for name, value in result.config.training.items() if name not in INCIDENTAL}
+    numbers = result.config.batch_size, result.config.image_size
+    return hashlib.sha256(json.dumps([training, *numbers], sort_keys=True).encode()).hexdigest()[:8]
 
 
 def _range(minutes: pd.Series) -> str:

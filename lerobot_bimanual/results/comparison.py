@@ -14,7 +14,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkResult, Scored
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
-from lerobot_bimanual.results.protocols import RULES
+from lerobot_bimanual.results.protocols import OWN, RULES
 from lerobot_bimanual.results.statistics import SuccessRate, paired_p_value
 
 type Results = Mapping[Path, Scored]
@@ -157,29 +157,38 @@ def _facts_of_episodes(result: Scored) -> dict[str, object]:
     return facts | {f"option {name}": result.options.get(name) for name in ("split", *RULES)}
 
 
+def table_key(result: Scored) -> tuple[str, str]:
+    """The line of the tables of results: the protocol, which chooses the table, and what is played."""
+    return OWN if isinstance(result, EvaluationRecord) else result.config.protocol, result.eval_key
+
+
 def _facts_of_table(result: Scored) -> dict[str, object]:
-    key, facts = result.eval_key, _facts_of_episodes(result)
-    shared = {name: fact for name, fact in facts.items() if name not in ("what is played", "world")}
-    shared |= {f"world of {result.task}, {key}": result.world}
+    protocol, key = table_key(result)
+    shared, place = _facts_of_episodes(result), f"on {key}, protocol {protocol}"
+    shared[f"world of {result.task}, {key}"] = shared.pop("world")
+    del shared["what is played"]
     if isinstance(result, BenchmarkResult):
         shared |= {
             "recipe": result.config.recipe,
-            f"expert on {key}": _outcomes(result.expert),
-            f"open-loop baseline on {key}": _outcomes(result.open_loop),
+            f"expert {place}": _outcomes(result.expert),
+            f"open-loop baseline {place}": _outcomes(result.open_loop),
         }
-    return shared | {f"seeds on {key}": [episode.seed for episode in result.episodes]}
+    return shared | {f"seeds {place}": [episode.seed for episode in result.episodes]}
 
 
 def _facts_of_training(result: Scored) -> dict[str, object]:
+    of = f"of {result.policy_id} on {result.eval_key}"
     if isinstance(result, EvaluationRecord):
-        return {f"options of {result.policy_id} on {result.eval_key}": result.options}
+        return {f"kind of file {of}": "a record of an evaluation", f"options {of}": result.options}
     config, settings = result.config, result.demonstrations.settings
     training = {name: value for name, value in config.training.items() if name not in INCIDENTAL}
     measured = config.model_dump(exclude={"seed", "first_demo_seed", "training"}) | training
     demonstrated = {name: value for name, value in settings.items() if name not in OWN_DEMONSTRATIONS}
     named = {"setting": measured, "demonstrations' setting": demonstrated, "test's option": result.options}
-    of = f"of {config.policy_id} on {config.eval_key}"
-    facts: dict[str, object] = {f"recipe of {config.policy_id}": config.recipe}
+    facts: dict[str, object] = {
+        f"kind of file {of}": "a result of a benchmark",
+        f"recipe of {config.policy_id}": config.recipe,
+    }
     for kind, options in named.items():
         facts[f"{kind}s {of}"] = sorted(options)
         facts |= {f"{kind} {name} {of}": value for name, value in options.items()}

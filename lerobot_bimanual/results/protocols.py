@@ -32,13 +32,11 @@ class Protocol(Flags):
     Attributes:
         tasks: tasks of the protocol; empty for all.
         perturb_of: task -> its own `perturb`, where an axis of the common one finds nothing to change in the task.
-        expert: name of the expert that shows whether the test can be solved.
         rounds: factor by which the recipe's steps, and those between its checkpoints, are multiplied.
     """
 
     tasks: tuple[str, ...] = ()
     perturb_of: Mapping[str, str] = MappingProxyType({})
-    expert: str = "expert"
     rounds: int = 1
 
     def flags(self, task: str) -> dict[str, Any]:
@@ -68,7 +66,6 @@ PROTOCOLS = {
     "hard": Protocol(
         perturb="camera_moved:2,clutter:2,light:2,nudge:1,start_posture:2",
         perturb_of={"dual_push_buttons": "camera_moved:2,clutter:2,light:2,start_posture:2"},
-        expert="replanning",
     ),
     # The words for purple and orange are learned beside green, and tested together. No other task names two things.
     "pairings": Protocol(demos_variation="0,1,2,3", variation="4", tasks=("dual_push_buttons",)),

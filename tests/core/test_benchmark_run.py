@@ -17,11 +17,12 @@ from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey
 from lerobot_bimanual.distributions import installed_versions
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.benchmark import BenchmarkResult, BenchmarkSettings
+from lerobot_bimanual.results.benchmark import BenchmarkResult, BenchmarkSettings, Machine
 from lerobot_bimanual.results.evaluation import with_perturb_suffix
 from lerobot_bimanual.results.protocols import PROTOCOLS
 
-OTHER_WORLD, OUTCOMES = "ba9876543210", {"expert": "xxxx", "open_loop": "x...", "val": ".x", "test": "xx.."}
+OTHER_WORLD = "ba9876543210"
+OUTCOMES = {"expert": "xxxx", "replanning": "xxxx", "open_loop": "x...", "val": ".x", "test": "xx.."}
 
 
 class Programs:
@@ -39,7 +40,7 @@ class Programs:
     def seconds(self, command: Command) -> float:
         return 1.0
 
-    def run(self, command: Command) -> None:
+    def run(self, command: Command) -> bool:
         self.ran.append(command.name)
         flags = dict(word.removeprefix("--").split("=", 1) for word in command.words if "=" in word)
         match command.words[:3]:
@@ -54,6 +55,7 @@ class Programs:
                     folder = Path(flags["output_dir"], f"checkpoints/{step:06d}/pretrained_model")
                     folder.mkdir(parents=True, exist_ok=True)
                     (folder / "model.safetensors").write_text(str(step))
+        return self.ran.count(command.name) == 1
 
     def _generate(self, root: Path) -> None:
         (root / "meta").mkdir(parents=True, exist_ok=True)
@@ -151,6 +153,13 @@ def test_worlds_may_differ_if_only_the_test_or_only_the_demonstrations_are_pertu
     assert (result.world, getattr(result.config, flag)) == (WORLD, "mass:1")
 
 
+def test_a_result_names_the_machine_of_its_training(programs, config, monkeypatch):
+    monkeypatch.setattr(Machine, "this", lambda device: Machine(cpus=2, gpu="one"))
+    assert run(config).machine.gpu == "one"
+    monkeypatch.setattr(Machine, "this", lambda device: Machine(cpus=7))
+    assert run(replace(config, perturb="mass:1")).machine.gpu == "one"  # the same training
+
+
 def test_demonstrations_by_several_plans_have_names_of_their_own(programs, config):
     plan = Plan.of(replace(config, demos_plans="several"))
     assert "--plans=several" in plan.generation().words
@@ -176,7 +185,9 @@ def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
         flags = protocol.flags(config.task)
         assert settings.protocol == name
         assert flags.items() <= vars(settings).items()
-        assert resolve(replace(config, **flags)) == settings
+        assert (
+            resolve(replace(config, **flags)) == settings == resolve(replace(config, protocol="own", **flags))
+        )
         assert f'"protocol": "{name}"' in settings.to_json()
         if name != "own":
             with pytest.raises(BimanualError, match=f"setting is .* in the protocol {name}: leave --setting"):

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -200,10 +201,32 @@ def test_checkpoints_of_another_training_are_kept(by_chain, tmp_path, trainings,
         trainings.run(training_command(tmp_path))
     else:
         training(NEW_TRAINING)
-    with pytest.raises(BimanualError, match=r"other flags. Choose another --output, or remove"):
+    with pytest.raises(
+        BimanualError, match=r"other flags or demonstrations, .*Choose another --output, or remove"
+    ):
         trainings.run(training_command(tmp_path, "--seed=1"))
     assert training.last.exists()
     assert len(training.calls) == 1
+
+
+def test_a_training_is_not_resumed_on_other_demonstrations(tmp_path, trainings, training):
+    (demonstrations := tmp_path / "bimanual.json").write_text("some")
+    command = replace(training_command(tmp_path), inputs=(demonstrations,))
+    trainings.run(command)
+    demonstrations.write_text("others")
+    with pytest.raises(BimanualError, match="other flags or demonstrations"):
+        trainings.run(command)
+    assert len(training.calls) == 1
+
+
+def test_weights_of_a_training_that_was_finished_elsewhere_are_kept_if_they_cannot_be_resumed(
+    tmp_path, trainings, training
+):
+    trainings.run(training_command(tmp_path))
+    copied = training.last.parents[1].rename(training.last.parents[1].with_name("000004"))
+    with pytest.raises(BimanualError, match="was made at another place"):
+        trainings.run(training_command(tmp_path, "--output_dir=elsewhere"))
+    assert copied.exists()
 
 
 INTERRUPTED = """

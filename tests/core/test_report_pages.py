@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from sample_results import RESULT, proved, put, reported, variant
+from sample_results import RESULT, proved, put, reported, trained, variant
 from sample_robustness import EXPERT_REPORT
 
 from lerobot_bimanual.cli import main
@@ -56,6 +56,25 @@ def test_a_policy_whose_training_is_unknown_is_compared_and_reported(results: Pa
     record.model_copy(update={"options": {"split": "val"}}).write(place)
     assert main(["results", "compare", f"--first={place}", f"--second={ours}"]) == 1
     assert "split is 'test', but 'val' in lift_ball_alone" in capsys.readouterr().err
+
+
+def test_a_record_is_not_another_training_of_a_benchmarked_policy_and_its_split_is_named(tmp_path: Path):
+    put(tmp_path, trained("xxxx"))
+    record = RESULT.evaluation.model_copy(update={"policy": {"type": "mine"}})
+    record.write(place := tmp_path / "record.json")
+    with pytest.raises(BimanualError, match=r"kind of file of mine on lift_ball is 'a re.*but 'a re"):
+        page_of(tmp_path)
+    record.model_copy(update={"options": {**record.options, "split": "train"}}).write(place)
+    assert "successes of `train` episodes" in page_of(place)
+
+
+def test_protocols_of_one_task_have_tables_of_their_own_in_one_page(tmp_path: Path, install_recipe):
+    for policy, config in (("mine", {}), ("other", {"demos": 100, "protocol": "standard"})):
+        install_recipe(policy)
+        put(tmp_path, trained("xxx.", policy=policy, first_seed=4_000_000 * bool(config), config=config))
+    page = page_of(tmp_path)
+    assert re.findall("^## `(.*)`$", page, re.MULTILINE) == ["own", "standard"]
+    assert "successes of unseen `test` episodes" in page
 
 
 def test_a_page_says_how_many_episodes_real_arms_would_have_gone_through_where_that_is_known(results: Path):

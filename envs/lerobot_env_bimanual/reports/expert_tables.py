@@ -28,6 +28,8 @@ from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
 
 EXACT, ROUNDED, LANGUAGE_ABLATED = "expert", "expert_discretised", "language_ablated"
+ROUNDED_VOXELS = 100
+"""Per axis of the grid on which rounded keyposes lie: that of the paper's policies."""
 REPORTS = (EXACT, ROUNDED, *(name for name in PLAYERS if name != EXACT))
 """Names of the files, without `.json`."""
 COLUMNS = {
@@ -78,6 +80,8 @@ class ExpertReports:
                 "setting": folder.name,
                 "split": experts.split,
                 "first_seed": experts.first_seed,
+                "plan": 0,
+                "discretise": ROUNDED_VOXELS if name == ROUNDED else 0,
             }
             shared["player"] = EXACT if name == ROUNDED else name
             shared["worlds"] = {task: experts.worlds.get(task) for task in report.worlds}
