@@ -50,7 +50,7 @@ def render(package: str, template: str, **values: object) -> str:
     environment.filters |= {
         "table": lambda *arguments, **options: Markup(markdown_table(*arguments, **options)),
         "fence": lambda text: Markup(
-            plain(" ".join(map(plain, text.split(" "))), MAX_MESSAGE).replace("`", "'")
+            plain("".join(map(plain, re.split("([ ,])", text))), MAX_MESSAGE).replace("`", "'")
         ),
         "join": lambda values, by: Markup(by.join(map(escape_markdown, values))),
     }

@@ -44,6 +44,10 @@ def release_gl() -> None:
 
 def missing_gl(error: Exception) -> MissingGL:
     """The error that says why no context could be made, and how to fix it; `error` is what was raised instead."""
+    if WAS_IMPORTED:
+        return MissingGL(
+            "mujoco was imported before with another backend", "import it later, or set MUJOCO_GL=egl"
+        )
     backend = os.environ.get("MUJOCO_GL", "")
     if backend.lower().strip() != "egl":
         return MissingGL(f"MUJOCO_GL is {backend!r}, which draws nothing here", "set MUJOCO_GL=egl")
@@ -104,6 +108,7 @@ def _opens(library: str) -> bool:
 # Off-screen EGL when the caller chose nothing and there is no display. Mesa's software rasteriser is kept in the calling
 # thread: at 256 pixels its worker threads cost more than they give, and this package runs one process per core. Both are
 # only defaults.
+WAS_IMPORTED = "mujoco" in sys.modules and os.environ.get("MUJOCO_GL") != "egl"
 if not os.environ.get("MUJOCO_GL") and not ("DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ):
     os.environ["MUJOCO_GL"] = "egl"
 os.environ.setdefault("LP_NUM_THREADS", "0")

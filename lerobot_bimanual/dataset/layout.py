@@ -48,6 +48,9 @@ def check_features(features: Features, root: Path) -> None:
             ours, theirs = expected[key][aspect], features[key].get(aspect)
             if ours != theirs:
                 differences.append(f"{aspect} of {key} is {theirs}, not {ours}")
+    for key, feature in features.items():
+        if (unit := (feature.get("info") or {}).get("depth_unit", "mm")) != "mm":
+            differences.append(f"depth_unit of {key} is {unit!r}, not 'mm'")
     if differences:
         raise DatasetError(
             f"{root} is not a dataset that this version of lerobot_bimanual reads: {'; '.join(differences)}. "

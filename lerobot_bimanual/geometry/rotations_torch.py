@@ -60,7 +60,7 @@ def quat_wxyz_to_euler_xyz(quat_wxyz: Tensor) -> Tensor:
     m = quat_wxyz_to_matrix(quat_wxyz)
     cosine = torch.hypot(m[..., 0, 0], m[..., 1, 0])
     pitch = torch.atan2(-m[..., 2, 0], cosine)
-    # In float32 the rounding of the matrix alone moves the cosine by about 1e-4 near zero.
+    # In float32 the rounding of the matrix moves the cosine by a few 1e-7 near zero; the limit leaves a wide margin.
     singular = cosine < max(SINGULAR_COSINE, torch.finfo(quat_wxyz.dtype).eps ** 0.5)
     roll = torch.where(
         singular, torch.atan2(-m[..., 1, 2], m[..., 1, 1]), torch.atan2(m[..., 2, 1], m[..., 2, 2])

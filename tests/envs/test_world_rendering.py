@@ -190,6 +190,12 @@ def test_physics_runs_where_egl_is_installed_but_no_library_of_opengl():
     assert MissingGL.__name__ in result.stderr.splitlines()[-1]
 
 
+def test_mujoco_that_was_imported_before_with_another_backend_is_named():
+    result = without_gl(f"import mujoco; {SETTLE_AND_RENDER}", MUJOCO_GL="")
+    assert "physics runs" in result.stdout
+    assert "mujoco was imported before with another backend; import it later" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("variables", "devices"),
     [

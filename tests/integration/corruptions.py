@@ -185,6 +185,15 @@ CORRUPTIONS = (
     Corruption("an episode without a length", "readable", entry("length", lambda _: None)),
     Corruption("a row twice", "readable", table(lambda t: pa.concat_tables([t, t.slice(len(t) - 1)]))),
     Corruption("rounded keyposes", "replay", provenance(lambda p: p["settings"].update(discretise=100))),
+    Corruption(
+        "another seed in the provenance", "replay", provenance(lambda p: p["episodes"][1].update(seed=500))
+    ),
+    Corruption(
+        "another unit of depth",
+        "readable",
+        info(lambda i: i["features"][FRONT_DEPTH]["info"].update(depth_unit="m")),
+        KEYFRAMES,
+    ),
     Corruption("a column is missing", "readable", table(lambda t: t.drop_columns([schema.SEED]))),
     Corruption("an empty cell", "readable", column(schema.TICK, lambda _: None, [2])),
     Corruption("another seed in a row", "replay", column(schema.SEED, lambda _: 77, [3])),

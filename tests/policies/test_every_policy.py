@@ -94,15 +94,16 @@ def test_a_batch_gives_the_actions_of_its_samples(make_policy, make_batch):
         policy(batch, reduction="sum")
 
 
-def test_gradients_reach_every_parameter(make_policy, make_batch):
-    policy = make_policy().train()
+@pytest.mark.parametrize("dtype", ["float32", "bfloat16"])
+def test_gradients_reach_every_parameter(make_policy, make_batch, dtype):
+    policy = make_policy(dtype=dtype).train()
     policy(make_batch(samples=4))[0].backward()
     for name, parameter in policy.named_parameters():
         assert parameter.grad is not None, name
         assert torch.isfinite(parameter.grad).all(), name
         if re.search(r"patch_(logits|lines)\.\d\.bias$", name):
             # Adding one number to the logits of all patches changes no softmax: what reaches these is rounding.
-            assert parameter.grad.abs() < 1e-5, name
+            assert parameter.grad.abs() < {"float32": 1e-5, "bfloat16": 0.05}[dtype], name
         else:
             assert parameter.grad.any(), name
 

@@ -12,7 +12,7 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice, check_range
 from lerobot_bimanual.files import check_output_file, check_output_folder
 from lerobot_bimanual.results.expert_report import ExpertReport, PlayerName
 from lerobot_bimanual.terminal import show_next
-from lerobot_env_bimanual.options import ANY_VARIATION
+from lerobot_env_bimanual.options import ANY_VARIATION, STANDARD
 from lerobot_env_bimanual.registry import checked_perturbation
 from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
@@ -148,7 +148,13 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     print_report(report)
     if report.violations:
         return 1
-    show_next("lerobot-bimanual", "dataset", "generate", f"--task={config.task}", f"--root=data/{tasks[0]}")
+    given = (
+        f"--{name}={value}"
+        for name in ("setting", "perturb")
+        if (value := getattr(config, name)) not in ("", STANDARD)
+    )
+    root = f"--root=data/{config.task.replace(',', '_')}"
+    show_next("lerobot-bimanual", "dataset", "generate", f"--task={config.task}", *given, root)
     return 0
 
 

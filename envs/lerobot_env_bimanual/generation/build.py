@@ -92,7 +92,7 @@ def _provenance(staging: Staging, view: View, reports: Sequence[ShardReport]) ->
     return Provenance(
         **dict(staging.origin),
         view=view,
-        command=staging.settings.command(staging.root.name),
+        command=staging.settings.command(staging.settings.repo_id.rpartition("/")[2]),
         episodes=tuple(episode for report in reports for episode in report.episodes),
         skipped=tuple(seed for report in reports for seed in report.skipped),
     )

@@ -5,7 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from lerobot_bimanual.dataset import feature_table, schema
+from lerobot_bimanual.dataset.provenance import EpisodeKey
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
+from lerobot_bimanual.dataset.schema import PROVENANCE_FILE
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.errors import DatasetError
@@ -55,6 +57,13 @@ def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demo
     """Faults: where an episode's columns differ, in any bit, from those of the same episode played again."""
     if stored.meta.instruction != played.meta.instruction:
         yield Fault(f"the instruction is {stored.meta.instruction!r}, not {played.meta.instruction!r}")
+    if (made := dataset.provenance) is not None:
+        meta, plans = stored.meta, stored.columns.get(feature_table.PLAN, (0,))
+        key = EpisodeKey(
+            task=meta.task, variation=meta.variation, split=meta.split, seed=meta.seed, plan=int(plans[0])
+        )
+        if made.episodes[stored.index : stored.index + 1] != (key,):
+            yield Fault(f"{PROVENANCE_FILE} names another episode at {stored.index} than {key}")
     ticks = stored.columns[schema.TICK]
     settings = {} if dataset.provenance is None else dataset.provenance.settings
     expected = np.array(rows_of_view(played, dataset.view, settings.get("intermediate", ())))

@@ -15,7 +15,7 @@ from lerobot_env_bimanual.world.offscreen import Offscreen, Quality
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 # On a software rasteriser shadows and the driver's anti-aliasing each cost several times the image itself. Twenty
-# facets keep the largest prop, a ball of 30 cm, round to 1.9 mm.
+# facets keep the largest prop, a ball of 30 cm, round to 3.6 mm.
 QUALITIES = {
     "observation": Quality(samples=0, shadow_map_size=0, slices=20, quads=2, is_supersampled=True),
     "high": Quality(samples=4, shadow_map_size=4096, slices=48, quads=8),

@@ -224,19 +224,20 @@ class FactorisedTranslationHead(nn.Module):
         if self.patch_lines:
             logits = [_patch_logits(*pair) for pair in zip(self.patch_lines, along_lines, strict=True)]
             patch_logits = patch_logits + at_least_float32(torch.stack(logits, dim=1))
-        # In training the prediction is only reported: one patch, no gradient.
         training = target_voxel is not None
-        with torch.set_grad_enabled(torch.is_grad_enabled() and not training):
-            best = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
-            voxel_logits, cell_logits = self._score(stem, along_lines, tokens, best)
-        if target_voxel is None:
-            target_logits = target_cells = None
-            score = patch_logits.gather(-1, best) + voxel_logits.log_softmax(dim=-1).amax(dim=-1)
-            patch = best.gather(-1, score.argmax(dim=-1, keepdim=True)).squeeze(-1)  # of the best voxel
-        else:
+        patch = target_logits = target_cells = None
+        if target_voxel is not None:
+            # First, because autocast of torch 2.7 goes on using weights that it has converted without gradient.
             patch = split_voxel(target_voxel, P)[0]
             scores = self._score(stem, along_lines, tokens, patch[..., None])
             target_logits, target_cells = (score[:, :, 0] for score in scores)
+        # In training the prediction is only reported: one patch, no gradient.
+        with torch.set_grad_enabled(torch.is_grad_enabled() and not training):
+            best = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
+            voxel_logits, cell_logits = self._score(stem, along_lines, tokens, best)
+        if patch is None:
+            score = patch_logits.gather(-1, best) + voxel_logits.log_softmax(dim=-1).amax(dim=-1)
+            patch = best.gather(-1, score.argmax(dim=-1, keepdim=True)).squeeze(-1)  # of the best voxel
         features = [
             at_least_float32(stem.planes[0].flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
             pool(answers.flatten(0, 1)).unflatten(0, (-1, A)),
