@@ -275,4 +275,12 @@ def read_scored(path: Path) -> Scored:
     except BadRecord as error:
         if "schema_version" not in str(error):
             raise
+    try:
         return BenchmarkResult.read(path)
+    except BadRecord as error:
+        if "schema_version" not in str(error):
+            raise
+        raise BadRecord(
+            f"{error}; it is no result of a benchmark and no record of an evaluation of this version; for a file of `policy "
+            f"robustness`, give the folder {path.stem}_records beside it"
+        ) from None

@@ -12,6 +12,7 @@ from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition
 from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.robustness import conditions_table, print_robustness
+from lerobot_bimanual.results.benchmark import read_scored
 from lerobot_bimanual.results.comparison import Comparison
 from lerobot_bimanual.results.record import BadRecord
 from lerobot_bimanual.results.robustness import RobustnessResult, is_valid, read_expert_robustness
@@ -119,6 +120,12 @@ def test_only_trainings_that_differ_in_their_seed_alone_are_of_one_policy(config
     put(tmp_path, trained("....", 2, config=config, **fields))
     with pytest.raises(BimanualError, match=message):
         results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
+
+
+def test_a_file_of_a_sweep_is_refused_with_the_folder_of_its_records(tmp_path):
+    ROBUSTNESS.write(tmp_path / "sweep.json")
+    with pytest.raises(BadRecord, match=r"sweep\.json: .*schema_version.*give the folder sweep_records"):
+        read_scored(tmp_path / "sweep.json")
 
 
 @pytest.mark.parametrize(
