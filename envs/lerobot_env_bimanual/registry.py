@@ -28,11 +28,12 @@ class Registry[T]:
         own: name -> module of this distribution's entries; they win over announced ones of the same name.
 
     Attributes:
+        own: as given.
         loaded: entries whose modules have been imported, by name.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, str]):
-        self._kind, self._group, self._own = kind, group, own
+        self._kind, self._group, self.own = kind, group, own
         self.loaded: dict[str, T] = {}
 
     @functools.cached_property
@@ -43,7 +44,13 @@ class Registry[T]:
             named = self._kind, shown(name), self._source(name)
             logger.warning("skipped: the %s %s%s must be called by letters, digits and _ alone", *named)
             del announced[name]
-        return {name: entry.module for name, entry in announced.items()} | dict(self._own)
+        for name in announced.keys() & self.own.keys():
+            distribution = announced[name].dist
+            named = self._kind, name, distribution and distribution.name
+            logger.warning(
+                "ignored: the %s %r of the distribution %r has the name of a built-in one: rename it", *named
+            )
+        return {name: entry.module for name, entry in announced.items()} | dict(self.own)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,14 +106,14 @@ class Registry[T]:
             try:
                 found[name] = self.get(name)
             except BimanualError as error:
-                if name in self._own:
+                if name in self.own:
                     raise
                 logger.warning("skipped: %s", error)
         return found
 
     def _source(self, name: str) -> str:
         """The distribution that announces an entry, for error messages; empty for this distribution's entries."""
-        if name in self._own:
+        if name in self.own:
             return ""
         entry = entries(self._group).get(name)
         return f" of the distribution {entry.dist.name!r}" if entry and entry.dist else ""

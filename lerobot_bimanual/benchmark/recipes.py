@@ -9,6 +9,7 @@ whose last folder names the view that the policy learns from.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Self, cast, get_args
 
@@ -101,8 +102,15 @@ class Recipe:
         if policy not in packages:
             valid = f"{', '.join(packages)}, or another that LeRobot knows, with --recipe=FILE.yaml"
             raise InvalidChoice("policy", policy, f"{valid}.{did_you_mean(policy, packages)}")
-        folder = module_path(packages[policy].value)
-        return {path.stem: path for path in sorted(folder.glob(f"recipes/*{SUFFIX}"))} if folder else {}
+        files: dict[str, Path] = {}
+        for entry in entry_points(group=GROUP, name=policy):
+            folder = module_path(entry.value) if entry.pattern.match(entry.value) else None
+            for path in sorted(folder.glob(f"recipes/*{SUFFIX}")) if folder else ():
+                if files.setdefault(path.stem, path) != path:
+                    raise BimanualError(
+                        f"two distributions have a recipe {path.stem!r} for {policy}: {files[path.stem]} and {path}; rename one"
+                    )
+        return files
 
     @property
     def cameras(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """The commands `task new` and `policy new`: a distribution that works, in which every form of its name is replaced."""
 
+import importlib.util
 import keyword
 import re
 import sys
@@ -35,7 +36,7 @@ def task_new(config: NewConfig) -> None:
     package = _folder("lerobot_env_bimanual")
     tasks = [path.stem for path in package.glob("tasks/*.py")]
     hidden = (*sys.stdlib_module_names, *packages_distributions())  # a module of such a name would hide them
-    taken = (*tasks, *hidden, "all", "two_armed", "test")  # suites, and a module that Python does not list
+    taken = (*tasks, *hidden, "all", "two_armed", "test", "stage", "pose")  # suites, modules and classes
     _write(package / "new_task", "raise_block", config.name, config.output or Path(config.name), taken)
 
 
@@ -77,7 +78,8 @@ def _write(source: Path, old: str, name: str, target: Path, taken: Collection[st
             written = target / str(path.relative_to(source)).replace(old, name)
             write_file(written, text)
             say(written)
-    show_next("pip", "install", "--no-build-isolation", "--no-deps", "-e", target)
+    isolation = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
+    show_next("pip", "install", *isolation, "--no-deps", "-e", target)
 
 
 def _forms(name: str) -> tuple[str, str, str]:

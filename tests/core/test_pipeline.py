@@ -309,6 +309,19 @@ def test_any_distribution_adds_recipes_for_its_policy(install_recipe):
     assert options["policy.head"] is None
 
 
+def test_distributions_add_recipes_to_one_policy_and_none_hides_another(install_recipe, tmp_path):
+    install_recipe("mine")
+    file = install_recipe("theirs")
+    metadata = tmp_path / "site_theirs" / "theirs-1.0.dist-info"
+    (metadata / "entry_points.txt").write_text("[lerobot_bimanual.recipes]\nmine = package_of_theirs\n")
+    with pytest.raises(
+        BimanualError, match=r"two distributions have a recipe 'small' for mine: .*rename one"
+    ):
+        Recipe.files("mine")
+    file.rename(file.with_name("large.yaml"))
+    assert Recipe.files("mine").keys() == {"small", "large"}
+
+
 def test_cameras_and_sizes_follow_from_the_inputs_that_are_named(install_recipe):
     install_recipe("mine", INPUTS)
     recipe = Recipe.find("mine", "small")

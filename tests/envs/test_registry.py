@@ -44,7 +44,10 @@ ALTERNATIVES = ("symmetric asymmetric", "synchronous asynchronous", "prehensile 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
-    [({"name": "new_name"}, "has the id of 'push_box'"), ({"id": 99}, "another task is called 'push_box'")],
+    [
+        ({"name": "new_name"}, "ids below 1000 belong to built-in tasks"),
+        ({"id": 1099}, "'push_box', which belongs to a built-in task"),
+    ],
 )
 def test_a_second_task_with_the_same_name_or_id_is_refused(changes, message):
     original = type(get_task("push_box"))
@@ -59,9 +62,13 @@ def test_a_second_task_with_the_same_name_or_id_is_refused(changes, message):
     [
         (
             {"instructions": "push"},
-            "instructions is 'push', but must be a tuple of texts: one alone has a comma",
+            "instructions is 'push', but must be a tuple: one alone has a comma",
         ),
         ({"instructions": ()}, "instructions are empty"),
+        ({"plans": "left"}, "plans is 'left', but must be a tuple"),
+        ({"varied": (Above("box", 1.0),)}, "varied must be a tuple of sets of props"),
+        ({"success": ()}, "success is empty, so that every episode would be solved"),
+        ({"horizon_ticks": 0}, "horizon_ticks is 0, but must be at least 1"),
         ({"instructions": ("push {what}",)}, "names 'what', which variation 0 has no word for"),
         ({"variations": (Variation(), Variation())}, r"indices \[0, 0\], but must have \[0, 1\]"),
         ({"success": (Above("box", 1.0),) * 2}, r"two are called above\(box, 1.00\)"),
@@ -69,9 +76,21 @@ def test_a_second_task_with_the_same_name_or_id_is_refused(changes, message):
 )
 def test_a_task_whose_data_contradict_each_other_is_refused(changes, message):
     original = type(get_task("push_box"))
-    spec = replace(original.spec, name="new_name", id=99, **changes)
+    spec = replace(original.spec, name="new_name", id=1099, **changes)
     with pytest.raises(ValueError, match=message):
         register(type("New", (original,), {"spec": spec, "conditions": Task.conditions}))
+
+
+def test_two_tasks_of_other_distributions_may_not_have_the_same_id(monkeypatch):
+    monkeypatch.setattr(TASKS, "loaded", dict(TASKS.loaded))
+    original = type(get_task("push_box"))
+    one, two = (
+        type(name, (original,), {"spec": replace(original.spec, name=name, id=1099)})
+        for name in ("one", "two")
+    )
+    register(one)
+    with pytest.raises(ValueError, match="task 'two' has the id of 'one'"):
+        register(two)
 
 
 def test_names_resolve_in_order_unknown_names_are_refused_and_alternative_suites_are_disjoint():
@@ -152,6 +171,20 @@ def test_every_axis_says_what_it_does_how_far_and_why(name):
     assert any((axis.build, axis.begin, axis.look, axis.see, axis.command, axis.disturb))
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"levels": (1.0, 2.0)}, "must be 3 magnitudes"),
+        ({"group": "mine"}, "group is 'mine', but must be one of: seen, clutter"),
+        ({}, "the axis changes nothing: give it build"),
+        ({"group": "seen", "command": lambda context, action: action}, "'seen', which moves nothing"),
+    ],
+)
+def test_an_axis_whose_data_contradict_each_other_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        register_axis(Axis(**data("mass") | {"name": "new_name"} | changes))
+
+
 def test_perturb_is_normalised_and_unknown_inapplicable_or_duplicate_axes_are_refused():
     assert EnvOptions(perturb="mass:1, arm_late:2").perturb == "arm_late:2,mass:1"
     assert EnvOptions(perturb="mass:0").perturb == EnvOptions().perturb == ""
@@ -160,9 +193,9 @@ def test_perturb_is_normalised_and_unknown_inapplicable_or_duplicate_axes_are_re
     env = BimanualEnv("dual_push_buttons", obs="state", perturb="mass:1")
     with pytest.raises(InvalidChoice, match=r"for 'dual_push_buttons' is 'mass', but must be .*arm_late"):
         env.reset(seed=0)
-    AXES.get("mass")
+    mass = AXES.get("mass")
     with pytest.raises(ValueError, match="another axis is called 'mass'"):
-        register_axis(Axis(**data("mass")))
+        register_axis(mass)
 
 
 def test_a_condition_whose_text_differs_between_processes_has_no_version(monkeypatch):

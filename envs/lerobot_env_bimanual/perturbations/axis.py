@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.registry import AXES, AXES_DATA
@@ -123,7 +124,15 @@ def register[Memory](axis: Axis[Memory]) -> Axis[Memory]:
     """Add an axis to the registry, and return it.
 
     Raises:
-        ValueError: another axis has the same name.
+        ValueError: another axis has the same name, or it has not three levels, is of no group, or does nothing.
     """
+    if len(axis.levels) != MAX_LEVEL:
+        raise ValueError(f"levels are {axis.levels}, but must be {MAX_LEVEL} magnitudes")
+    if axis.group not in (groups := get_args(Group.__value__)):
+        raise ValueError(f"group is {axis.group!r}, but must be one of: {', '.join(groups)}")
+    if not (axis.build or axis.begin or axis.look or axis.see or axis.command or axis.disturb):
+        raise ValueError("the axis changes nothing: give it build, begin, look, see, command or disturb")
+    if axis.changes_only_observations and (axis.command or axis.disturb):
+        raise ValueError(f"group is {axis.group!r}, which moves nothing, but the axis has command or disturb")
     AXES.add(axis.name, axis)
     return axis

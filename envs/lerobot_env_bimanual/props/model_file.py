@@ -19,13 +19,13 @@ class ModelFile:
     """
 
     name: str
-    path: str
+    path: str | Path
     is_free: bool = True
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Attach the body at the origin; its visible geoms are drawn in images of all sizes."""
         try:
-            body = mujoco.MjSpec.from_file(self.path).worldbody.first_body()
+            body = mujoco.MjSpec.from_file(str(self.path)).worldbody.first_body()
         except ValueError as error:
             raise BimanualError(f"prop {self.name!r}: {Path(self.path).absolute()}: {error}") from error
         if body is None:

@@ -36,8 +36,17 @@ def register[T: Task](task_class: type[T]) -> type[T]:
     Raises:
         ValueError: another task has the same name or id, or its data contradict each other.
     """
+    from lerobot_env_bimanual.task import OWN_IDS
+
     spec = task_class.spec
     _check(task_class())
+    if task_class.__module__ != TASKS.own.get(spec.name):
+        if spec.name in TASKS.own:
+            raise ValueError(f"name is {spec.name!r}, which belongs to a built-in task: choose another one")
+        if spec.id < OWN_IDS:
+            raise ValueError(
+                f"id is {spec.id}, but ids below {OWN_IDS} belong to built-in tasks: leave id out"
+            )
     for other in TASKS.loaded.values():
         if other.spec.id == spec.id:
             raise ValueError(f"task {spec.name!r} has the id of {other.spec.name!r}; ids must be unique")
@@ -48,11 +57,15 @@ def register[T: Task](task_class: type[T]) -> type[T]:
 def _check(task: Task) -> None:
     """Raise a `ValueError` for data whose episodes would seem right but be wrong."""
     spec = task.spec
-    for name in ("instructions", "suites"):
-        if isinstance(given := getattr(spec, name), str):
-            raise ValueError(
-                f"{name} is {given!r}, but must be a tuple of texts: one alone has a comma behind it"
-            )
+    for name in ("instructions", "suites", "props", "success", "variations", "varied", "plans"):
+        if not isinstance(given := getattr(spec, name), tuple):
+            raise ValueError(f"{name} is {given!r:.80}, but must be a tuple: one alone has a comma behind it")
+    if any(not isinstance(props, tuple) for props in spec.varied):
+        raise ValueError(
+            "varied must be a tuple of sets of props, each a tuple: one alone has a comma behind it"
+        )
+    if spec.horizon_ticks < 1:
+        raise ValueError(f"horizon_ticks is {spec.horizon_ticks}, but must be at least 1")
     if not spec.instructions:
         raise ValueError("instructions are empty, but an episode has one")
     indices = [variation.index for variation in spec.variations]
@@ -66,6 +79,8 @@ def _check(task: Task) -> None:
                 f"an instruction names {error}, which variation {variation.index} has no word for"
             ) from error
         names = [condition.name for condition in task.conditions(variation)]
+        if not names:
+            raise ValueError("success is empty, so that every episode would be solved at once")
         if twice := {name for name in names if names.count(name) > 1}:
             raise ValueError(
                 f"conditions must have different names, but two are called {', '.join(sorted(twice))}"
