@@ -120,9 +120,7 @@ def _differences(recorded: Episode, replayed: Episode, ticks: list[int]) -> Iter
         yield _place(step, ticks)
     elif proof.end != again.end:
         yield "the end of the chain of state hashes differs, although all its links agree"
-    elif b"".join(proof.action_list()) != b"".join(
-        again.action_list()
-    ):  # texts depend on the version of zlib
+    elif len(proof.action_list()) != len(again.action_list()):  # the others are in the chain
         yield "further actions are recorded"
     claims = [(name, getattr(recorded, name), getattr(replayed, name)) for name in CLAIMS]
     for name, claimed, found in (*claims, ("instruction", proof.instruction, again.instruction)):
