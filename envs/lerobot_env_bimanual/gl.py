@@ -116,8 +116,8 @@ os.environ.setdefault("LP_NUM_THREADS", "0")
 try:
     import mujoco
 except (AttributeError, RuntimeError, ctypes.ArgumentError):
-    # A driver is missing (without any OpenGL library PyOpenGL raises the last of these), or the backend is unknown. Physics needs no driver: import without rendering,
-    # and let a `Renderer` raise `MissingGL` when it is made.
+    # A driver is missing, or the backend is unknown; without any OpenGL library PyOpenGL raises an `ArgumentError`. Physics
+    # needs no driver: import without rendering, and let a `Renderer` raise `MissingGL` when it is made.
     wanted = os.environ.get("MUJOCO_GL", "")
     os.environ["MUJOCO_GL"] = "disable"
     import mujoco

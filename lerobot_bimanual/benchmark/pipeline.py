@@ -197,7 +197,9 @@ class Pipeline:
             checkpoints = [path for path in checkpoints if any(path.parents[1].glob(state))]
         found = self._found_marker(command)
         is_same = found is not None and _has_same_output(found, self._marker(command))
-        is_kept = found is not None and found.done and command.output.exists()
+        is_kept = command.output.exists() and (
+            found is None or found.done
+        )  # it was finished, perhaps elsewhere
         if not checkpoints and (is_same or not is_kept):
             # lerobot-train refuses an existing folder, and this one holds nothing to keep.
             shutil.rmtree(folder, ignore_errors=True)
