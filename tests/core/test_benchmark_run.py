@@ -1,6 +1,5 @@
 """A benchmark with simulated programs: its measurements are one result, or are refused if they disagree."""
 
-import shlex
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +9,9 @@ from rich.console import Console
 from sample_results import EXPERT, RESULT, WORLD, outcome, proved, provenance
 
 from lerobot_bimanual.benchmark import run as benchmark
-from lerobot_bimanual.benchmark.config import BenchmarkConfig, command, resolve, shortest_config
+from lerobot_bimanual.benchmark.config import BenchmarkConfig, resolve, shortest_config
 from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey
 from lerobot_bimanual.distributions import installed_versions
 from lerobot_bimanual.errors import BimanualError
@@ -274,27 +272,3 @@ def test_the_result_of_another_measurement_is_not_replaced(changes, message, pro
     Plan.of(config).result.write_text("{")
     with pytest.raises(BimanualError, match=r"Invalid JSON.*choose another --output, or move the file"):
         run(config)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"variation": "00", "perturb": "mass:1,light:2", "first_seed": 7, "device": "cpu"},
-        {"steps": 6, "save_freq": 6, "val_episodes": 0, "image_size": 64},
-        {"trained_on": "all", "demos_perturb": "mass:1", "demos_plans": "several"},
-        {"protocol": "hard"},
-        {"protocol": "multitask", "save_freq": 6},
-        {"first_demo_seed": 2000},
-        {"first_seed": 4_000_000, "variation": "2", "demos_variation": "0,1"},
-        {"train_flags": "--policy.shift=[0.5,1] '--policy.more=a b' --policy.lr=2e-3 --policy.name=\"it's\""},
-        {"eval_flags": "--eval.batch_size=1", "train_flags": "--policy.depth=3.0 --policy.head=null"},
-    ],
-)
-def test_the_shortest_command_resolves_to_the_settings_that_it_was_made_from(changes, install_recipe):
-    install_recipe("mine")
-    settings = resolve(BenchmarkConfig("mine", **changes))
-    program, *group, policy = shlex.split(command(shortest_config(settings)))[:4]
-    assert (program, group, policy) == ("lerobot-bimanual", ["policy", "benchmark"], "--policy=mine")
-    words = shlex.split(command(shortest_config(settings)))[3:]
-    assert resolve(parse_flags(BenchmarkConfig, words)) == settings

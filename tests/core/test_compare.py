@@ -2,7 +2,6 @@
 
 import re
 from itertools import combinations, product
-from math import comb
 
 import numpy as np
 import pytest
@@ -160,14 +159,6 @@ def test_the_permutation_test_counts_all_ways_to_deal_out_the_outcomes_of_each_e
     at_least = np.mean([abs(np.mean(differences)) > seen - 1e-9 for differences in product(*dealt)])
     of_episode = outcomes[:n].sum(axis=0).tolist(), outcomes[n:].sum(axis=0).tolist()
     assert paired_p_value(*of_episode, (n, trainings - n)) == pytest.approx(at_least)
-
-
-def test_a_failure_of_one_training_of_two_is_no_evidence_against_a_policy_that_was_trained_once():
-    # If ten episodes have one failure each, all fall on the two trainings with a probability of (2/3)^10 = 0.017; as far from
-    # the expected 20/3 on the other side is at most three: 0.020.
-    p_value = paired_p_value([1] * 10, [1] * 10, (2, 1))
-    assert p_value == pytest.approx(sum(comb(10, k) * 2**k for k in (0, 1, 2, 3, 10)) / 3**10)
-    assert p_value == pytest.approx(0.037, abs=5e-4)
 
 
 def test_holm_corrects_for_the_number_of_questions_and_keeps_the_order():

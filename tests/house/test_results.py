@@ -60,6 +60,12 @@ def test_every_row_of_a_perturbed_test_is_of_the_present_world():
 
 SETTINGS = [resolve(BenchmarkConfig(policy, "push_box", seed=7)) for policy in sorted(entries(GROUP))]
 SETTINGS += [row.config for row in ROWS.values()]
+QUOTED = (
+    "--policy.shift=[0.5,1] '--policy.more=a b' --policy.depth=3.0 --policy.head=null --policy.name=\"it's\""
+)
+SETTINGS.append(
+    resolve(BenchmarkConfig("act", "push_box", steps=6, save_freq=6, val_episodes=0, train_flags=QUOTED))
+)
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda each: each.file_name)
