@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from huggingface_hub import ModelCard
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig, policies
 from lerobot.policies.factory import get_policy_class
 
 import lerobot_policy_bimanual
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP, depth_key
+from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP, depth_key, image_key
 from lerobot_bimanual.errors import BimanualError, DatasetError, InvalidChoice
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual import evaluate
@@ -46,6 +47,17 @@ def test_the_package_offers_the_config_and_the_policy_of_every_type(policy_type)
 def test_a_policy_without_its_preprocessor_is_not_evaluated_as_a_callable():
     with pytest.raises(BimanualError, match="score its checkpoint with `lerobot-eval`"):
         evaluate(object.__new__(PerAct2Policy), "lift_ball")
+
+
+def test_the_card_on_the_hub_has_the_command_that_scores_the_policy(make_policy, monkeypatch):
+    monkeypatch.setattr(ModelCard, "validate", lambda card: None)  # it is the Hub that validates
+    policy = make_policy(repo_id="me/mine")
+    policy.config.input_features = {
+        image_key(camera): PolicyFeature(FeatureType.VISUAL, (3, 96, 128)) for camera in CAMERA_NAMES
+    }
+    card = policy.generate_model_card("me/data", policy.config.type, None, None)
+    flags = "--policy.path=me/mine --env.type=bimanual --env.task=TASK --env.image_size=96x128"
+    assert str(card).count(flags) == 1
 
 
 def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):

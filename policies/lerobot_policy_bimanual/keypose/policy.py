@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any, Self
 
 import torch
+from huggingface_hub import ModelCard
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.calibration import Calibration
-from lerobot_bimanual.dataset.schema import ACTION
+from lerobot_bimanual.dataset.schema import ACTION, image_key
 from lerobot_bimanual.errors import InvalidChoice, plain
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
@@ -34,6 +35,15 @@ from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.nn.wordllama import WordllamaLanguage
 
 REDUCTIONS = ("mean", "none")
+CARD = """
+It reads images with depth of {cameras} and an instruction, and answers with the next keypose of both arms. Install its packages,
+and score it on a task of its dataset (`lerobot-bimanual task list` names all):
+
+```bash
+pip install 'lerobot_env_bimanual[lerobot]' lerobot_policy_bimanual
+lerobot-eval --policy.path={repo_id} --env.type=bimanual --env.task=TASK --env.image_size={size}
+```
+"""
 
 
 class KeyposePolicy(PreTrainedPolicy):
@@ -124,6 +134,15 @@ class KeyposePolicy(PreTrainedPolicy):
             raise CheckpointError(
                 f"the checkpoint is not of the network of its config: {plain(error)}"
             ) from error
+
+    def generate_model_card(self, *args: Any, **kwargs: Any) -> ModelCard:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """LeRobot's card for the Hub, with what must be installed and the command that scores the policy in simulation."""
+        card = super().generate_model_card(*args, **kwargs)
+        cameras, features = self.config.cameras, self.config.input_features or {}
+        size = "x".join(map(str, features[image_key(cameras[0])].shape[-2:]))
+        ours = CARD.format(cameras=", ".join(cameras), repo_id=self.config.repo_id, size=size)
+        card.text = card.text.replace("\n---\n", f"{ours}\n---\n", 1)
+        return card
 
     def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All trained parameters."""
