@@ -113,21 +113,6 @@ def test_a_part_of_the_scene_at_rest_is_drawn_again_when_it_changes(scene, chang
         assert_same(renderer, plain)
 
 
-@pytest.mark.parametrize("depth_m", [0.0, 0.04, 0.08])
-def test_a_thing_that_lies_in_the_floor_is_drawn_after_it(depth_m):
-    scene = Scene([Block(size_m=(0.6, 0.6, 0.08))])
-    with both(scene) as (renderer, plain):
-        scene.model.geom("table").pos[2] = -5.0  # the hand's camera looks at the floor
-        camera = scene.data.camera("left_wrist")
-        ray = -camera.xmat.reshape(3, 3)[:, 2]
-        looked_at = camera.xpos - ray * camera.xpos[2] / ray[2]
-        scene.place("item", Pose.upright((*looked_at[:2], 0.04 - depth_m)))
-        assert_same(renderer, plain)
-        seen = renderer.render()["left_wrist"][0]
-        scene.place("item", Pose.upright((5.0, 5.0, 0.04)))
-        assert not np.array_equal(renderer.render()["left_wrist"][0], seen)
-
-
 def test_equally_near_things_are_seen_in_the_model_s_order(scene):
     with both(scene) as (renderer, plain):
         scene.model.geom_rgba[scene.model.geom("item").id] = (0, 1, 0, 1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import copy
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,9 +18,6 @@ ASLEEP = mujoco.mjtSleepState.mjS_ASLEEP.value
 HIDDEN_GROUP = mujoco.mjNGROUP - 1
 """Group of geoms that are not drawn."""
 
-MARGIN_M = 0.001
-"""Far more than rounding moves a drawn vertex."""
-
 type Geoms = NDArray[np.bool_]
 """(ngeom,) some of a model's geoms."""
 
@@ -34,8 +30,7 @@ class Composition:
 
     For a camera in the room, only what moves is drawn, over a backdrop. The backdrop shows the room itself (with furniture
     and the bases of the arms), redrawn when a part of it is moved or recoloured, and the sleeping props, redrawn when one
-    is moved. For a camera on a hand, geoms out of view are left out, and floor and walls are drawn last, so that only
-    their visible pixels are shaded.
+    is moved. A camera on a hand draws all.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, offscreen: Offscreen):
@@ -69,10 +64,6 @@ class Composition:
             self._backdrops.clear()
         self._list(self._moving, ~self._room & ~self._asleep, self._options)
         self._is_simple = self._can_composite_by_depth()
-        # Of equally near geoms, the one drawn last is seen, so geoms that touch the floor must stay after it.
-        # If any geom other than the room's touches a plane, all geoms keep their places in the order.
-        at_planes = reach_planes(self._model, self._data, self._planes)
-        self._drawn_last = np.zeros_like(at_planes) if (at_planes & ~self._room).any() else at_planes
 
     def image(self, camera: int) -> Picture:
         """RGB and metric depth from one camera."""
@@ -81,10 +72,7 @@ class Composition:
             both = backdrop and backdrop.behind(self._offscreen.draw(self._moving, self._data, camera))
             if both is not None:
                 return self._offscreen.rgb(both.rgb), both.depth_m
-        if self._is_simple:
-            self._list_view(camera)
-        else:
-            self._list(self._others, np.ones_like(self._room), self._options)
+        self._list(self._others, np.ones_like(self._room), self._options)
         pixels = self._offscreen.draw(self._others, self._data, camera)
         nearness = self._offscreen.centres(pixels.nearness)
         return self._offscreen.rgb(pixels.rgb), self._offscreen.depth_m(nearness)
@@ -108,14 +96,6 @@ class Composition:
         """Fill a scene with the visual ones of some geoms, and with the sites that the options show."""
         with self._shown(geoms):
             mujoco.mjv_updateScene(self._model, self._data, options, None, self._eye, ALL, scene)
-
-    def _list_view(self, camera: int) -> None:
-        """Fill a scene with the geoms in view of a camera; those of `_drawn_last` come after all others."""
-        seen = in_view(self._model, self._data, camera, self._offscreen.aspect, self._offscreen.margin)
-        self._list(self._others, seen & ~self._drawn_last, self._options)
-        with self._shown(seen & self._drawn_last):
-            unmoved = mujoco.MjvPerturb()
-            mujoco.mjv_addGeoms(self._model, self._data, self._no_sites, unmoved, ALL, self._others)
 
     @contextlib.contextmanager
     def _shown(self, geoms: Geoms) -> Iterator[None]:
@@ -182,26 +162,3 @@ class Backdrop:
 def _whole_pixels(rgb: NDArray[np.uint8]) -> NDArray[np.void]:
     """A view (height, width) of an image, which NumPy copies several times as fast as rows of three bytes."""
     return rgb.view("V3")[..., 0]
-
-
-def in_view(model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: float, margin: float) -> Geoms:
-    """Geoms whose bounding sphere reaches into a camera's image, enlarged by a margin, and geoms without one."""
-    half_height = margin * math.tan(math.radians(model.cam_fovy[camera]) / 2)
-    half_width = aspect * half_height
-    # Of the image's sides, in MuJoCo's camera frame.
-    outward = np.array([[1, 0, half_width], [-1, 0, half_width], [0, 1, half_height], [0, -1, half_height]])
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    to_geom = data.geom_xpos - data.cam_xpos[camera]
-    beyond_m = (to_geom @ (data.cam_xmat[camera].reshape(3, 3) @ outward.T)).max(axis=1)
-    radius_m = model.geom_rbound
-    return (radius_m == 0) | (beyond_m < radius_m + MARGIN_M)
-
-
-def reach_planes(model: mujoco.MjModel, data: mujoco.MjData, planes: Geoms) -> Geoms:
-    """Geoms whose bounding box touches, crosses or is behind one of the planes, which count as infinite."""
-    frames = data.geom_xmat.reshape(-1, 3, 3)
-    middles = data.geom_xpos + (frames @ model.geom_aabb[:, :3, None])[..., 0]
-    normals = data.geom_xmat[planes, 2::3]
-    above_m = middles @ normals.T - (data.geom_xpos[planes] * normals).sum(axis=1)  # (ngeom, planes)
-    half_m = (np.abs(normals @ frames) @ model.geom_aabb[:, 3:, None])[..., 0]
-    return (above_m - half_m < MARGIN_M).any(axis=1)

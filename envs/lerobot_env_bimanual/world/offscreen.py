@@ -62,7 +62,6 @@ class Offscreen:
 
     Attributes:
         quality: as given.
-        aspect: width of the images over their height.
         is_supersampled: whether images are drawn twice as large and averaged.
         is_coarse: whether coarse meshes are drawn.
         margin: factor by which the drawn view is larger than the image's.
@@ -73,7 +72,6 @@ class Offscreen:
         """Make the context; raises `MissingGL` where none can be made."""
         self._model = model
         self.quality = quality
-        self.aspect = width / height
         self.is_supersampled = quality.is_supersampled and max(height, width) <= SOFT_PX
         self.is_coarse = max(height, width) <= COARSE_PX
         self.margin = 1.0
