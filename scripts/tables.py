@@ -4,6 +4,7 @@ Each table is between two comments of its page. Usage: tables.py
 """
 
 import json
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -82,16 +83,19 @@ def _beside_the_paper() -> str:
 
 
 def _ablation() -> str:
-    """Episodes that PerAct2 solves in `standard`, as usual and with one change of its recipe; p of the paired test in brackets."""
+    """Episodes that PerAct2 solves in `standard`, by all its trainings and by one with a change; p of the test in brackets."""
     rows: dict[str, dict[str, str]] = {"nothing": {}}
+    board = [row for row in read_results(LEADERBOARD).values() if isinstance(row, BenchmarkResult)]
+    identity = attrgetter("eval_key", "policy_id", "config.protocol")
     for path in sorted(ABLATION.glob("*/*.json")):
-        changed, usual = BenchmarkResult.read(path), BenchmarkResult.read(LEADERBOARD / path.name)
-        both, task = Comparison((changed,), (usual,)), f"`{changed.task}`"
-        (now,), (before,) = both.rates
-        usually = usual.config.training
+        changed, namesake = BenchmarkResult.read(path), BenchmarkResult.read(LEADERBOARD / path.name)
+        usual = tuple(row for row in board if identity(row) == identity(namesake))
+        both, task = Comparison((changed,), usual), f"`{changed.task}`"
+        (now,), before = both.rates
+        usually = namesake.config.training
         flags = {name: value for name, value in changed.config.training.items() if value != usually.get(name)}
         words = (f"{name.removeprefix('policy.')}={json.dumps(value)}" for name, value in flags.items())
-        rows["nothing"][task] = f"{before.successes}"
+        rows["nothing"][task] = ", ".join(str(rate.successes) for rate in before)
         rows.setdefault(f"`{' '.join(words)}`", {})[task] = f"{now.successes} ({both.p_value:.2g})"
     return _unpadded(pd.DataFrame(rows).T.rename_axis("changed").reset_index())
 
