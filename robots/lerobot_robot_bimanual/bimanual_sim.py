@@ -22,10 +22,8 @@ from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
 logger = logging.getLogger(__name__)
 
 HOME = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
-AT_HOME_RAD = 1e-3
-"""Both hands count as sent home when no joint target is further from it than this."""
 AWAY_RAD = 0.05
-"""A hand has left home when one of its joint targets was as far from it as this."""
+"""A hand has left home when one of its joint targets was as far from it as this, and as twice the tolerance."""
 
 
 class UntimedEnv(BimanualEnv):
@@ -71,7 +69,8 @@ class BimanualSim(Robot):
 
     **The next episode begins when both hands are sent home**, or to where they began, after one of them has left it. That
     is what LeRobot does by itself between the episodes of `lerobot-rollout --strategy.type=episodic`, and what a person does
-    in the reset phase of `lerobot-record`. An episode that is solved stands still until then.
+    in the reset phase of `lerobot-record`, with a larger `home_tolerance_rad`. Until then an episode that is solved does
+    not change.
 
     Attributes:
         config: what was chosen.
@@ -175,7 +174,7 @@ class BimanualSim(Robot):
             action: the sixteen numbers by name.
 
         Returns:
-            What was commanded, within the joint limits.
+            What the arms were given last, within the limits of joints and speed.
 
         Raises:
             InvalidAction: names are missing or unknown, or a value is no finite number. The world did not change.
@@ -185,15 +184,18 @@ class BimanualSim(Robot):
         env = self.env
         command = self._read(action)
         away_rad = np.abs(by_arm(command - self._homes)[..., :JOINTS_PER_ARM]).max(axis=(-2, -1))
-        distance_rad = float(away_rad.min())
-        if self._has_left_home and distance_rad < AT_HOME_RAD:
-            if not env.progress.terminated:
+        distance_rad, tolerance_rad = float(away_rad.min()), self.config.home_tolerance_rad
+        was_over = env.progress.terminated
+        if self._has_left_home and distance_rad < tolerance_rad:
+            if not was_over:
                 env.log_outcome()
             self._begin_episode(env)
         else:
-            self._has_left_home |= distance_rad > AWAY_RAD
+            self._has_left_home |= distance_rad > max(AWAY_RAD, 2 * tolerance_rad)
             env.tick(command)
-        return dict(zip(schema.JOINT_NAMES, command.tolist(), strict=True))
+            if env.progress.terminated and not was_over:
+                logger.info("the next episode begins when both hands are sent home to %g rad", tolerance_rad)
+        return dict(zip(schema.JOINT_NAMES, env.progress.sent_action.tolist(), strict=True))
 
     def disconnect(self) -> None:
         """Log the outcome of an unfinished episode, and free the world.

@@ -1,6 +1,9 @@
-"""With one arm, known ways solve the tasks that do not need two, and no others; both arms' keyposes vary."""
+"""With one arm, known ways solve the tasks that do not need two, and of the others the box at times; both arms' keyposes vary."""
+
+from pathlib import Path
 
 import coordination
+import numpy as np
 import pytest
 from adversaries.ways import SOLVED_BY_ONE_ARM, UNSOLVED_BY_ONE_ARM, one_armed, tally
 
@@ -25,8 +28,18 @@ def test_one_arm_solves_a_task_that_does_not_need_two_while_the_other_stays_at_h
     assert commanded[-1] == 1
 
 
+def test_joint_targets_that_were_found_by_search_push_the_box_with_the_left_arm_alone():
+    env = BimanualEnv("push_box", obs="state", split="test", control_mode="joint", protective_stop=True)
+    env.reset(seed=9_000_000)
+    action = env.scene.commanded
+    for action[:8] in np.load(Path(__file__).with_name("push_box_left_arm.npy")):
+        assert not env.progress.terminated
+        env.step(action)
+    assert env.progress.succeeded
+
+
 @pytest.mark.parametrize(("task", "arm"), UNSOLVED_BY_ONE_ARM)
-def test_no_known_way_does_a_task_with_one_arm(task, arm):
+def test_no_way_of_the_examples_does_another_task_with_one_arm(task, arm):
     solved, solved_by_end_state = tally(task, Arm(arm), range(1_200_000, 1_200_003))
     assert not solved
     # Without the conditions on the way they do it.

@@ -13,7 +13,7 @@ from lerobot_bimanual.errors import BimanualError, InvalidAction, PlacementFailu
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.worlds import EpisodeReset
-from lerobot_robot_bimanual.bimanual_sim import AT_HOME_RAD, AWAY_RAD, BimanualSim
+from lerobot_robot_bimanual.bimanual_sim import AWAY_RAD, BimanualSim
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
 
 
@@ -77,16 +77,17 @@ def test_an_episode_that_cannot_begin_leaves_no_robot_connected(make_robot, monk
         robot.get_observation()
 
 
-def test_sending_both_hands_home_begins_the_next_episode(make_robot):
-    robot = make_robot(seed=7, variation=0)
+@pytest.mark.parametrize("tolerance_rad", [0.001, 0.04])
+def test_sending_both_hands_home_begins_the_next_episode(make_robot, tolerance_rad):
+    robot = make_robot(seed=7, variation=0, home_tolerance_rad=tolerance_rad)
     beginning = robot.env.state_hash()
     for offset_rad in (0.0, AWAY_RAD / 2, 0.0):  # never away
         robot.send_action(home(offset_rad))
     assert (robot.env.progress.seed, robot.env.progress.ticks) == (7, 3)
-    for offset_rad in (2 * AWAY_RAD, 2 * AT_HOME_RAD):  # not yet back
+    for offset_rad in (2 * AWAY_RAD, 1.1 * tolerance_rad):  # not yet back
         robot.send_action(home(offset_rad))
     assert (robot.env.progress.seed, robot.env.progress.ticks) == (7, 5)
-    robot.send_action(home())
+    robot.send_action(home(0.9 * tolerance_rad))
     assert (robot.env.progress.seed, robot.env.progress.ticks) == (8, 0)
     robot.disconnect()
     robot.connect()
@@ -138,9 +139,13 @@ def test_a_condition_met_on_the_way_is_not_logged_as_unmet(make_robot, caplog):
     assert not any(name in caplog.text for name in history_conditions)
 
 
-def test_targets_outside_the_limits_are_clipped_and_told(make_robot):
+def test_a_target_outside_the_limits_is_approached_at_the_largest_speed_and_what_was_sent_is_told(make_robot):
     robot = make_robot()
-    sent = robot.send_action(home() | {"left_joint1.pos": 9.0, "right_gripper.pos": -1.0})
+    for _ in range(200):
+        sent = robot.send_action(home() | {"left_joint1.pos": 9.0, "right_gripper.pos": -1.0})
+        assert [*sent.values()] == robot.env.progress.sent_action.tolist()
+        if robot.env.progress.ticks == 1:
+            assert 0 < sent["left_joint1.pos"] < 0.1
     assert sent["left_joint1.pos"] == pytest.approx(PANDA_PAIR.joint_upper[0])
     assert sent["right_gripper.pos"] == 0.0
 
@@ -167,6 +172,7 @@ def test_an_option_outside_its_choices_is_refused_with_the_choices():
         *(("seed", seed, r"2\*\*63") for seed in (-1, None)),
         ("perturb", "earthquake:1", "mass"),
         ("control_mode", "keypose", "auto, joint"),
+        *(("home_tolerance_rad", value, "above 0, at most 0.2") for value in (0.0, 0.3, float("nan"))),
     ]
     for option, value, choice in wrong:
         with pytest.raises(BimanualError, match=choice):

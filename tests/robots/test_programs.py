@@ -23,6 +23,7 @@ from lerobot_robot_bimanual.bimanual_sim import BimanualSim
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 PAGE = Path(__file__).parents[2] / "docs/robot.md"
+CALLS = {"lerobot-rollout": 2}
 SMALL = ("--robot.image_size=32", "--robot.calibration_dir=calibration")
 TINY_ACT = (
     *("--policy.device=cpu", "--policy.pretrained_backbone_weights=null", "--policy.dim_model=32"),
@@ -32,11 +33,12 @@ TINY_ACT = (
 )
 
 
-def page_command(program: str) -> list[str]:
-    """The words after a program's name, in its one call on the page."""
+def page_command(program: str, call: int = 0) -> list[str]:
+    """The words after a program's name, in one of its calls on the page."""
     name = program.split()
-    (words,) = [words for words in commands(PAGE) if words[: len(name)] == name]
-    return words[len(name) :]
+    calls = [words for words in commands(PAGE) if words[: len(name)] == name]
+    assert len(calls) == CALLS.get(program, 1)
+    return calls[call][len(name) :]
 
 
 @pytest.fixture(scope="module")
@@ -66,12 +68,12 @@ def told() -> Iterator[list[str]]:
     logger.removeHandler(handler)
 
 
-def call(program: str, *more: str) -> None:
+def call(program: str, *more: str, call: int = 0) -> None:
     """Run the page's command of one of LeRobot's programs, with more flags, in this process; see `page_command`."""
     name = program.replace("-", "_")
     module = f"lerobot.scripts.{name}" if program.startswith("lerobot-") else program.split()[-1]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", [program, *page_command(program), *more])
+        patch.setattr(sys, "argv", [program, *page_command(program, call), *more])
         runpy.run_module(module, run_name="__main__")
 
 
@@ -101,6 +103,15 @@ def test_act_trained_on_demonstrations_is_rolled_out(trained, told):
     call("lerobot-rollout", *SMALL, "--duration=1", "--device=cpu")
     assert "test seed 0: " in told[0]
     assert "not solved, unmet: " in told[1]
+
+
+def test_rollouts_are_recorded_at_the_rate_of_the_ticks_from_seeds_of_their_own(trained, told):
+    short = ("--dataset.num_episodes=2", "--dataset.episode_time_s=2", "--dataset.root=outputs/rollout_act")
+    call("lerobot-rollout", *SMALL, "--device=cpu", *short, call=1)
+    begun = [line for line in told if line.endswith('"')]
+    assert ["seed 0:" in begun[0], "seed 1:" in begun[1]] == [True, True]
+    recorded = LeRobotDataset("local/rollout_act", root="outputs/rollout_act")
+    assert (recorded.fps, recorded.num_episodes) == (20, 2)
 
 
 def test_act_is_served_asynchronously(trained, told, monkeypatch):
