@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lerobot.configs import FeatureType, PolicyFeature
@@ -39,6 +41,12 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         from lerobot_env_bimanual.tasks.registry import get_task
 
         super().__post_init__()
+        program = Path(sys.argv[0]).stem.replace("_", "-")
+        if self.results_dir is not None and program in ("lerobot-train", "lerobot-bimanual-train"):
+            choices = (
+                "given to `lerobot-eval` alone: evaluations of a training are of one policy after another"
+            )
+            raise InvalidChoice("results_dir", self.results_dir, choices)
         if self.fps != CONTROL_HZ:
             raise InvalidChoice("fps", self.fps, [str(CONTROL_HZ)])
         counts = Counter(task for tasks in self.groups.values() for task in tasks)

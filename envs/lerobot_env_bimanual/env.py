@@ -332,12 +332,12 @@ class BimanualEnv(gym.Env):
         self.scene.restore_state(scene_state)
 
     def __getstate__(self) -> object:
-        """The state for copy and pickle; refused during an episode, as its world would be shared or lost."""
+        """The state for copy and pickle, with worlds of its own; refused during an episode, as it would be lost."""
         if self._progress is not None:
             raise TypeError(
                 "a running environment cannot be copied: give its save_state() to restore_state() of a new one"
             )
-        return super().__getstate__()
+        return vars(self) | {"_worlds": Worlds(self.task_definition, self.options, self.perturbations)}
 
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""

@@ -9,11 +9,11 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode
-from lerobot_env_bimanual.gl import mujoco, release_gl
+from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import DrawerCabinet
 from lerobot_env_bimanual.tasks.registry import list_tasks
-from lerobot_env_bimanual.world.offscreen import Offscreen
+from lerobot_env_bimanual.world.offscreen import Offscreen, release
 from lerobot_env_bimanual.world.rendering import QUALITIES, Renderer
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -37,7 +37,7 @@ class PlainRenderer:
             pixels = self.offscreen.draw(self.scene, self.data, self.model.camera(name).id)
             depth_m = self.offscreen.depth_m(self.offscreen.centres(pixels.nearness))
             images[name] = self.offscreen.rgb(pixels.rgb), depth_m
-        release_gl()
+        release()
         return images
 
 

@@ -262,3 +262,21 @@ def test_a_running_environment_is_not_copied_so_that_no_two_share_a_world(duplic
     state_env.reset(seed=0)
     with pytest.raises(TypeError, match=r"save_state\(\)"):
         duplicate(state_env)
+
+
+@pytest.mark.parametrize(
+    "duplicate",
+    [copy.copy, copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))],
+    ids=["copy", "deep", "pickle"],
+)
+def test_a_copy_of_an_environment_between_episodes_has_a_world_of_its_own(duplicate):
+    env = BimanualEnv("push_box", obs="state")
+    assert env.scene.ticks == 0  # its world exists
+    other = duplicate(env)
+    states = []
+    for each in (env, other):
+        each.reset(seed=3)
+        each.step(each.scene.commanded)
+        states.append(each.state_hash())
+    other.reset(seed=4)
+    assert states == [env.state_hash()] * 2

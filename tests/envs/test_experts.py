@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache, partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -163,6 +164,7 @@ def test_frames_of_an_expert_hold_the_actions_that_solve_the_task() -> None:
         observation, *_, info = env.step(frame.action)
     assert info["is_success"]
     assert {frame.keypose.shape for frame in frames} == {(18,)}
+    assert not any(np.shares_memory(a.keypose, b.keypose) for a, b in pairwise(frames))
 
 
 MEASURED_SEED = 3

@@ -99,6 +99,17 @@ def test_actions_of_a_wrong_length_are_refused_though_others_fill_up_the_batch()
         evaluate(lambda _: np.zeros(7), "lift_ball", [0], environments=2, **FEW)
 
 
+def test_a_policy_may_write_all_its_actions_into_one_array():
+    buffer = np.zeros(18)
+
+    def act(observation: dict) -> np.ndarray:
+        buffer[:] = hands_down(observation)
+        return buffer
+
+    shared, own = (evaluate(each, "push_box", range(2), environments=2, **FEW) for each in (act, hands_down))
+    assert [each.proof for each in shared.episodes] == [each.proof for each in own.episodes]
+
+
 def test_the_option_keys_gives_gymnasium_environments_lerobots_keys():
     env = gym.make("bimanual/LiftBall-v0", keys="lerobot", image_size=24)
     observation, _ = env.reset(seed=3)

@@ -263,3 +263,10 @@ def test_bad_options_are_refused_with_the_valid_ones():
         BimanualEnvConfig(task="push_box,all")
     with pytest.raises(InvalidChoice, match="20"):
         BimanualEnvConfig(fps=30)
+
+
+def test_a_training_does_not_start_with_a_folder_for_results_of_one_policy(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["/usr/bin/lerobot-train"])
+    BimanualEnvConfig()
+    with pytest.raises(InvalidChoice, match="given to `lerobot-eval` alone"):
+        BimanualEnvConfig(results_dir="here")

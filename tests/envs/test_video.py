@@ -36,6 +36,14 @@ def test_a_video_holds_every_frame_in_order_in_a_format_that_browsers_play(tmp_p
         assert (context.name, context.pix_fmt, stream.average_rate) == ("h264", "yuv420p", 20)
 
 
+def test_two_writers_of_one_video_at_once_do_not_disturb_each_other(tmp_path):
+    writers = [VideoWriter(tmp_path, "shades"), VideoWriter(tmp_path, "shades")]
+    for writer in writers:
+        writer.add(np.full((48, 64, 3), 100, dtype=np.uint8))
+    assert {writer.close("success") for writer in writers} == {*tmp_path.iterdir()}
+    assert len(read_frames(tmp_path / "shades_success.mp4")) == 1 + 20
+
+
 @pytest.fixture
 def filming_env(tmp_path):
     env = BimanualEnv("lift_ball", obs="state", split="val", video_dir=tmp_path)

@@ -25,6 +25,7 @@ from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.rendering.film import zoomed_camera_fields
 from lerobot_env_bimanual.robots.panda_looks import COARSE, FINE
 from lerobot_env_bimanual.world.appearance import applied
+from lerobot_env_bimanual.world.offscreen import Offscreen, Pixels
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.textures import boards, plaster
@@ -240,6 +241,20 @@ def test_a_renderer_may_be_used_in_one_thread_and_closed_in_another(scene):
     renderer.close()
     for images in (here, again):
         assert all(np.array_equal(a, b) for a, b in zip(there, images, strict=True))
+
+
+def test_an_environment_that_is_freed_while_another_draws_does_not_disturb_it(scene, images, monkeypatch):
+    def collect_and_draw(offscreen: Offscreen, *arguments) -> Pixels:
+        forgotten.clear()
+        return draw(offscreen, *arguments)
+
+    forgotten, draw = [Renderer(make_scene(), ("front",), 24, 32)], Offscreen.draw
+    forgotten[0].render()
+    monkeypatch.setattr(Offscreen, "draw", collect_and_draw)
+    with Renderer(scene, height=SIZE, width=SIZE) as renderer:
+        for camera, found in renderer.render().items():
+            assert all(np.array_equal(a, b) for a, b in zip(found, images[camera], strict=True))
+    assert not forgotten
 
 
 def test_environments_play_and_render_in_several_threads_at_once():

@@ -186,7 +186,7 @@ def play_expert(task: str, seed: int = 0, **options: Any) -> Iterator[Frame]:
     frames: list[Frame] = []
 
     def note(env: BimanualEnv, action: NDArray[np.float32]) -> None:
-        frames.append(Frame(env.observe(), action, env.last_action))
+        frames.append(Frame(env.observe(), action.copy(), env.last_action.copy()))
 
     try:
         env.reset(seed=seed)

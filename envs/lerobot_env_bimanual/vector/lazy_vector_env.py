@@ -240,7 +240,7 @@ class LazyVectorEnv(VectorEnv):
             shape = f" of shape {tuple(actions.shape)}" if isinstance(actions, np.ndarray) else ""
             got = f"{type(actions).__name__}{shape}"
             raise InvalidAction(f"{self.num_envs} environments take as many actions, got {got}")
-        arrays = [_array(row) for row in rows]
+        arrays = [as_array(row) for row in rows]
         shapes = {row.shape for row in arrays if isinstance(row, np.ndarray)}
         if not shapes & {(length,) for length in self._action_lengths}:
             valid = " or ".join(map(str, self._action_lengths))
@@ -306,9 +306,12 @@ def _checked_seeds(seed: Any, count: int) -> list[int | None]:
     return [None if first is None else checked_seed(first + index) for index in range(count)]
 
 
-def _array(action: Any) -> NDArray | InvalidAction:
+def as_array(action: Any) -> NDArray | InvalidAction:
+    """A copy of an action, since a policy may write its next one into the same memory, or the error if it cannot be read."""
+    if isinstance(action, InvalidAction):
+        return action
     try:
-        array = np.asarray(action)
+        array = np.array(action)
     except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that requires its gradient
         return InvalidAction(f"an action is a vector of numbers, got what NumPy cannot read: {error}")
     if array.dtype.kind not in "biuf":

@@ -20,7 +20,7 @@ from lerobot_env_bimanual.episode.observations import dataset_row
 from lerobot_env_bimanual.options import EnvOptions, checked_seed
 from lerobot_env_bimanual.vector.evaluation import Evaluation, record_name, summary
 from lerobot_env_bimanual.vector.gym_env import Keys, checked_keys
-from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
+from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv, as_array
 
 
 def evaluate(
@@ -114,7 +114,7 @@ def _play(envs: LazyVectorEnv, act: Any, seeds: Sequence[int], keys: Keys) -> No
         for index, observation in enumerate(iterate(envs.observation_space, observations)):
             if not over[index]:
                 seen = dataset_row(observation) if keys == "lerobot" else observation
-                actions[index] = act(seen | {"task": str(info["instruction"][index])})
+                actions[index] = as_array(act(seen | {"task": str(info["instruction"][index])}))
         actions[len(seeds) :] = actions[len(seeds) - 1 : len(seeds)] * len(fillers)
         observations, _, terminated, truncated, info = envs.step(actions)
         over |= terminated | truncated

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_env_bimanual.gl import choose_gpu, missing_gl, mujoco
+from lerobot_env_bimanual.gl import choose_gpu, missing_gl, mujoco, release_gl
 
 MAX_GEOMS = 2000
 
@@ -23,6 +23,8 @@ COARSE_PX = 256
 """Side of the largest images that show arms by coarse meshes: fine meshes would cost more than everything else."""
 
 _making_a_context = threading.Lock()  # MuJoCo and its bindings keep display and drivers in globals
+_drawing = threading.local()
+"""`gl`: the context that the thread draws with, from `make_current` to `release`."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ class Offscreen:
             _set_offscreen(model, height, width, quality)
             with _making_a_context, choose_gpu():
                 gl = mujoco.GLContext(width, height)
-                gl.make_current()
+                _make_current(gl)
                 self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
         except (AttributeError, ImportError, RuntimeError, ValueError, mujoco.FatalError) as error:
             raise missing_gl(error) from error
@@ -109,8 +111,8 @@ class Offscreen:
         return scene
 
     def make_current(self) -> None:
-        """Let the calling thread draw."""
-        self._gl.make_current()
+        """Let the calling thread draw, until `release`."""
+        _make_current(self._gl)
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, camera_id: int) -> Pixels:
         """What one of the model's cameras sees of a scene."""
@@ -168,10 +170,24 @@ class Offscreen:
             GL_1_0.glTexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST)
 
 
+def release() -> None:
+    """End drawing in the calling thread."""
+    _drawing.gl = None
+    release_gl()
+
+
+def _make_current(gl) -> None:
+    gl.make_current()
+    _drawing.gl = gl
+
+
 def _free(gl, mjr) -> None:
+    interrupted = getattr(_drawing, "gl", None)  # garbage may be collected while another context draws
     gl.make_current()
     mjr.free()
     gl.free()
+    if interrupted is not None and interrupted is not gl:
+        interrupted.make_current()
 
 
 def _set_offscreen(model: mujoco.MjModel, height: int, width: int, quality: Quality) -> None:

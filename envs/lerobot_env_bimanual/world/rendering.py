@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_env_bimanual.gl import release_gl
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.composition import Composition
-from lerobot_env_bimanual.world.offscreen import Offscreen, Quality
+from lerobot_env_bimanual.world.offscreen import Offscreen, Quality, release
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 # On a software rasteriser shadows and the driver's anti-aliasing each cost several times the image itself. Twenty
@@ -81,7 +80,7 @@ class Renderer:
                 composition.begin(appearance.fingerprint)
                 return {camera: composition.image(model.camera(camera).id) for camera in self.cameras}
         finally:
-            release_gl()
+            release()
 
     def close(self) -> None:
         """Free the OpenGL context; the next `render` makes a new one."""

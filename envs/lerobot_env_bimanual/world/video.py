@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class VideoWriter:
         self._caption = caption
         self._last: NDArray[np.uint8] | None = None
         self._folder, self._stem = folder, stem
-        self._partial = folder / f".{stem}.part"
+        self._partial = folder / f".{stem}.{uuid4().hex}.part"  # another evaluation may write the same video
         self._container: Any = None
         self._stream: Any = None
 
