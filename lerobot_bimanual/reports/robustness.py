@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.perturbation_levels import LEVELS
 from lerobot_bimanual.results.robustness import (
@@ -94,7 +95,11 @@ def _corrected_text(line: Any) -> str:
 
 
 def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str:
-    """On how many tasks each condition is valid, from the report of each."""
+    """On how many tasks each condition is valid, from the report of each.
+
+    Raises:
+        BimanualError: no report has a perturbed condition.
+    """
     table = pd.DataFrame(
         {
             "task": task,
@@ -105,6 +110,10 @@ def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str
         for task, report in reports.items()
         for each in report.conditions[1:]
     )
+    if table.empty:
+        raise BimanualError(
+            "the expert was reported in the nominal world alone; `lerobot-bimanual expert evaluate --axes=all` perturbs it"
+        )
     overview = pd.Series({key: _valid_tasks(lines) for key, lines in table.groupby(["axis", "level"])})
     cells = overview.unstack().reindex(columns=LEVELS).fillna("")
     return render(

@@ -197,7 +197,7 @@ def read_expert_robustness(folder: Path) -> dict[str, ExpertRobustnessReport]:
     """The expert robustness reports in a folder, by task.
 
     Raises:
-        BimanualError: none has a perturbation, one cannot be read, or two are of one task.
+        BimanualError: there are none, one cannot be read, or two are of one task.
     """
     found: dict[str, ExpertRobustnessReport] = {}
     for path in sorted(folder.glob("*.json")):
@@ -205,7 +205,7 @@ def read_expert_robustness(folder: Path) -> dict[str, ExpertRobustnessReport]:
         if report.task in found:
             raise BimanualError(f"{path} is another report of {report.task}; a folder must hold one per task")
         found[report.task] = report
-    if not any(report.conditions[1:] for report in found.values()):  # the first is the nominal world
+    if not found:
         raise BimanualError(
             f"{folder} holds no robustness reports of the expert; `lerobot-bimanual expert evaluate --axes=all "
             f"--output={folder}` writes them"

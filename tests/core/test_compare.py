@@ -10,7 +10,7 @@ from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition
 
 from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.reports.robustness import conditions_table, print_robustness
+from lerobot_bimanual.reports.robustness import conditions_table, expert_robustness_page, print_robustness
 from lerobot_bimanual.results.benchmark import read_scored
 from lerobot_bimanual.results.comparison import Comparison
 from lerobot_bimanual.results.record import BadRecord
@@ -213,7 +213,7 @@ def test_expert_reports_without_a_perturbed_condition_or_twice_of_one_task_are_r
     nominal = EXPERT_REPORT.model_copy(update={"conditions": EXPERT_REPORT.conditions[:1]})
     nominal.write(tmp_path / "one.json")
     with pytest.raises(BimanualError, match="expert evaluate --axes=all"):
-        read_expert_robustness(tmp_path)
+        expert_robustness_page(read_expert_robustness(tmp_path))
     for name in ("one", "other"):
         EXPERT_REPORT.write(tmp_path / f"{name}.json")
     with pytest.raises(BimanualError, match="another report of lift_ball"):

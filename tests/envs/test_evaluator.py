@@ -88,6 +88,11 @@ def test_a_report_is_extended_and_other_seeds_variations_or_worlds_are_played_an
     assert [*ExpertReport.read(output).worlds] == ["lift_ball"]  # of other options: replaced
 
 
+def test_a_replay_of_joint_actions_is_refused_where_a_perturbation_acts_on_keyposes():
+    with pytest.raises(BimanualError, match="replay with misses, which acts on keyposes, is 'joint'"):
+        expert_evaluate(ExpertEvaluateConfig("lift_ball", perturb="mass:1,misses:1", replay="joint"))
+
+
 def test_a_second_evaluation_into_the_same_file_is_refused(tmp_path):
     config = ExpertEvaluateConfig("lift_ball", output=tmp_path / "expert.json")
     log = EpisodeLog(tmp_path / "expert.partial.jsonl", exclusive=True)

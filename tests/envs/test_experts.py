@@ -217,6 +217,7 @@ def test_commands_are_differentiated_over_ticks():
     for _ in range(4):  # as if joint 1 of the left arm started at once
         action[0] += speed_rad_s * TICK_S
         meter.observe_tick(action)
+        scene.tick(action)
     meter.observe_step()
     load = meter.result()
     acceleration_rad_s2 = speed_rad_s / TICK_S

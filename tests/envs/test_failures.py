@@ -103,6 +103,13 @@ def test_under_a_nudge_the_replanning_expert_takes_over():
     assert found[1].failure_class == FailureClass.MISSED_GRASP
 
 
+def test_under_misses_the_expert_that_takes_over_does_not_miss_again():
+    perturb = "misses:3"
+    keyposes = expert_keyposes(EASY, replanning(), 1, perturb)[:-1]
+    (found,) = attributed(EASY, played(EASY, keyposes, 1, perturb), perturb=perturb)
+    assert (found.last_recoverable, found.responsible) == (25, Responsible.TIME), found
+
+
 def test_a_hand_that_closes_for_a_tick_now_and_then_has_not_closed():
     joint_actions = np.tile([0, 0, 0, -1.5, 0, 1.5, 0, 1], (300, 2))
     joint_actions[::50, 7] = 0

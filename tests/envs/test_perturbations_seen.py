@@ -160,12 +160,17 @@ def test_holes_are_beside_edges_on_dark_and_on_slanted_surfaces_and_nowhere_else
     flat[:, 128:] = 1.5
     holes = depth_of(GREY, flat) == 0
     assert set(np.flatnonzero(holes.any(axis=0)) + width) == set(range(128, 128 + width))
-    # A plane at a slant s to the line of sight: depth z with 1 / z linear in the image's rows.
+    # Along any direction: an edge, and a plane at a slant s to the line of sight, whose depth z has a linear 1 / z.
     focal = 128 / math.tan(np.deg2rad(22.5))
-    for slant_deg, is_lost in ((90 - 30 * share - 4, False), (90 - 30 * share + 4, True)):
-        rows = np.arange(256)[:, None] - 127.5
-        plane = np.repeat(1 / (1 - rows * math.tan(np.deg2rad(slant_deg)) / focal), 256, axis=1)
-        assert (depth_of(GREY, np.where(plane > 0, plane, 1))[128] == 0).all() == is_lost
+    rows, columns = np.mgrid[:256, :256] - 127.5
+    for towards_rad in np.deg2rad([0, 45, 90, 135, 200]):
+        along = columns * math.cos(towards_rad) + rows * math.sin(towards_rad)
+        holes = depth_of(GREY, np.where(along < 0, 1.0, 1.5)) == 0
+        band = np.abs(along[:, width:]) < 1
+        assert holes[width:][band[width:]].mean() > 0.3
+        for slant_deg, is_lost in ((90 - 30 * share - 4, False), (90 - 30 * share + 4, True)):
+            plane = 1 / (1 - along * math.tan(np.deg2rad(slant_deg)) / focal)
+            assert (depth_of(GREY, np.where(plane > 0, plane, 1))[128, 128 - width] == 0) == is_lost
 
 
 @pytest.mark.weekly

@@ -120,12 +120,14 @@ def test_every_task_has_conditions_and_says_what_does_not_apply(task):
     assert [*conditions] == [("", 0), *((name, level) for name in sorted(names) for level in (1, 2, 3))]
 
 
-def test_a_sweep_without_an_axis_that_applies_is_refused(monkeypatch):
-    changed = replace(AXES.get("mass"), applies_to=lambda *_: False)
-    monkeypatch.setitem(AXES.loaded, "mass", changed)
-    assert "mass" in conditions_of("lift_ball").not_applicable
-    with pytest.raises(BimanualError, match="none of the axes mass finds anything to change in lift_ball"):
-        conditions_of("lift_ball", ["mass"])
+def test_a_task_to_which_no_axis_applies_is_left_out_of_a_sweep_and_refused_alone(tmp_path, capsys):
+    assert "mass" in conditions_of("dual_push_buttons").not_applicable
+    message = "none of the axes mass finds anything to change in dual_push_buttons"
+    with pytest.raises(BimanualError, match=message):
+        expert_evaluate(of_expert(tmp_path, "mass", task="dual_push_buttons"))
+    expert_evaluate(of_expert(tmp_path, "mass", task="dual_push_buttons,lift_ball"))
+    assert f"dual_push_buttons is left out: {message}" in capsys.readouterr().out
+    assert [path.name for path in (tmp_path / "experts").iterdir()] == ["lift_ball.json"]
 
 
 def test_the_open_loop_baseline_plays_the_mean_keyposes_of_the_variation_that_the_seed_draws():

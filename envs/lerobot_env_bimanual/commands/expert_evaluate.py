@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, check_range
 from lerobot_bimanual.files import check_output_file, check_output_folder
+from lerobot_bimanual.perturbation_levels import parse_levels
 from lerobot_bimanual.results.expert_report import ExpertReport, PlayerName
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import ANY_VARIATION, STANDARD
@@ -109,6 +110,11 @@ def _check(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> None:
     for name in fixed:
         if (value := getattr(config, name)) != (usual := getattr(ExpertEvaluateConfig, name)):
             raise InvalidChoice(f"{name} of the player {config.player!r}", value, [str(usual)])
+    if config.replay == "joint" and (
+        axes := {"command_noise", "misses"} & parse_levels(config.perturb).keys()
+    ):
+        option = f"replay with {', '.join(sorted(axes))}, which acts on keyposes,"
+        raise InvalidChoice(option, config.replay, ["none", "keypose"])
     if not config.axes and config.levels != ExpertEvaluateConfig.levels:
         raise InvalidChoice("axes", config.axes, "given with --levels, such as --axes=mass or --axes=all")
     if config.axes:
@@ -200,11 +206,18 @@ def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Ite
 def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     from lerobot_bimanual.results.robustness import ExpertRobustnessConfig, is_valid
     from lerobot_env_bimanual.experts.world_version import simulation_versions
-    from lerobot_env_bimanual.sweep.conditions import conditions_of, sweep_expert
+    from lerobot_env_bimanual.sweep.conditions import Conditions, NothingToChange, conditions_of, sweep_expert
 
     assert config.output is not None  # checked
     axes = () if config.axes == ALL_AXES else config.axes
-    chosen = {task: conditions_of(task, axes, config.levels) for task in tasks}
+    chosen: dict[str, Conditions] = {}
+    for task in tasks:
+        try:
+            chosen[task] = conditions_of(task, axes, config.levels)
+        except NothingToChange as error:
+            if not chosen and task == tasks[-1]:
+                raise
+            print(f"{task} is left out: {error}")
     check_output_folder(config.output)
     for task, conditions in chosen.items():
         measured = ExpertRobustnessConfig(
@@ -222,6 +235,6 @@ def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
         for condition in invalid:
             print(f"  not valid: {condition.name}, expert {report.rates(condition)['expert']}")
     checkpoint = "--checkpoint=results/checkpoints/peract2_on_all"
-    flags = (f"--task={tasks[0]}", f"--expert_reports={config.output}", checkpoint)
+    flags = (f"--task={next(iter(chosen))}", f"--expert_reports={config.output}", checkpoint)
     show_next("lerobot-bimanual", "policy", "robustness", *flags)
     return 0

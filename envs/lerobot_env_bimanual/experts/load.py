@@ -103,6 +103,7 @@ class LoadMeter:
         """Take the joint action (16,) of a tick into account, before it is executed."""
         if not self._actions:
             self._actions += 3 * [self._scene.commanded]  # it stood there
+        self._actions[-1] = self._scene.commanded  # as a perturbation of commands changed it
         self._actions.append(joint_action.copy())
 
     def observe_step(self) -> None:
@@ -113,6 +114,8 @@ class LoadMeter:
 
     def result(self) -> LoadMetrics:
         """The peaks, at the end of the episode."""
+        if self._actions:
+            self._actions[-1] = self._scene.commanded
         pair, (forces_n, depth_m, bodies) = self._scene.arm_pair, self._forces.take()
         torques = np.reshape(self._torques, (-1, len(ARMS), JOINTS_PER_ARM)) / pair.torque_limit_nm
         sums = np.cumsum(np.reshape(self._speeds, (-1, len(self._finger_dofs))), axis=0)

@@ -65,14 +65,16 @@ def _weaken_hands(start: Start) -> None:
 register(Axis(**data("grip_force"), begin=_weaken_hands))
 
 
-def _draw_miss(start: Start[NDArray[np.float64]]) -> None:
+def _draw_miss(start: Start[NDArray[np.float64] | None]) -> None:
     """Draw each joint's share (2, 7) of the level's magnitude."""
     start.remember(start.rng.uniform(-1.0, 1.0, (len(ARMS), JOINTS_PER_ARM)))
 
 
-def _miss(context: HookContext[NDArray[np.float64]], action: Action) -> Action:
+def _miss(context: HookContext[NDArray[np.float64] | None], action: Action) -> Action:
     """Shift the joints until the first keypose is over; the planner of the second starts from where they were sent."""
     if context.progress.keyposes:
+        context.remember(None)  # attribution of failures sets the counter back
+    if context.memory is None:
         return action
     perturbed_action, share = action.copy(), min(1.0, context.progress.ticks / MISS_TICKS)
     by_arm(perturbed_action)[:, :-1] += share * np.deg2rad(context.magnitude) * context.memory

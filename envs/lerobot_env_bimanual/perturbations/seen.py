@@ -105,12 +105,12 @@ def _lose_depth(context: HookContext[dict[str, float]], camera: str, image: Imag
     height, width = depth_m.shape
     step = max(1, round(context.magnitude * EDGE_SHARE * height))
     most = np.float32(context.memory[camera] * step / height)
-    # One step along the diagonal finds changes along rows and along columns. NumPy processes an image as one
-    # flat array several times as fast as row by row.
+    # NumPy processes an image as one flat array several times as fast as row by row.
     lost, line = _is_dark(rgb, round(context.magnitude * MAX_DARK)), depth_m.reshape(-1)
-    back = step * (width + 1)
-    change_m = line[back:] - line[:-back]
-    lost[back:] |= np.abs(change_m, out=change_m) > (line * most)[back:]
+    change_m2 = np.zeros_like(line)  # squares of the change to a pixel at the left, and to one above
+    for back in (step, step * width):
+        change_m2[back:] += np.square(line[back:] - line[:-back])
+    lost |= change_m2 > np.square(line * most)
     lost = lost.reshape(depth_m.shape)
     lost[:, :step] = True  # the second eye sees nothing beyond this edge of the image
     depth_m *= ~lost

@@ -31,6 +31,10 @@ from lerobot_env_bimanual.workers import WorkerPool
 from lerobot_env_bimanual.world.arena import build_spec
 
 
+class NothingToChange(BimanualError):
+    """No chosen axis of perturbations applies to a task."""
+
+
 @dataclass(frozen=True)
 class Conditions:
     """Chosen conditions of a task.
@@ -79,7 +83,8 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
     """The conditions of a task at levels of axes; without axes, of all that apply but those for training.
 
     Raises:
-        BimanualError: no such task, axis or level, or no axis applies to the task.
+        BimanualError: no such task, axis or level.
+        NothingToChange: no axis applies to the task.
     """
     spec = get_task(task).spec
     for level in levels or [""]:
@@ -90,7 +95,7 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
     model = build_spec(spec.props)
     applicable = [axis for axis in chosen if axis.applies_to(spec, model)]
     if not applicable:
-        raise BimanualError(f"none of the axes {', '.join(axes)} finds anything to change in {task}")
+        raise NothingToChange(f"none of the axes {', '.join(axes)} finds anything to change in {task}")
     left_out = [axis.name for axis in chosen if axis not in applicable]
     return Conditions(task, tuple(applicable), tuple(left_out), tuple(sorted(set(levels))))
 
