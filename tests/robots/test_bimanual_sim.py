@@ -172,7 +172,7 @@ def test_an_option_outside_its_choices_is_refused_with_the_choices():
         *(("seed", seed, r"2\*\*63") for seed in (-1, None)),
         ("perturb", "earthquake:1", "mass"),
         ("control_mode", "keypose", "auto, joint"),
-        *(("home_tolerance_rad", value, "above 0, at most 0.2") for value in (0.0, 0.3, float("nan"))),
+        *(("home_tolerance_rad", value, "above 0, at most 0.05") for value in (0.0, 0.06, float("nan"))),
     ]
     for option, value, choice in wrong:
         with pytest.raises(BimanualError, match=choice):

@@ -23,7 +23,8 @@ class Box:
         size_m: full sizes (PerAct2 code).
         mass_kg: the paper's 50 kg.
         table_friction: of the table contact alone. At 0.38 (186 N) two arms always move the box and one arm gets it
-            some of the way, or all of it if it also lifts (docs/environment.md); at 0.37 the left one alone gets it all the way, though seldom onto the target.
+            some of the way, or all of it if it also lifts (docs/environment.md); at 0.37 the left one alone gets it all
+            the way, though seldom onto the target.
     """
 
     name: str = "box"

@@ -2,8 +2,8 @@
 
 The paper asks that the item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks it
 up and presents it, the right arm takes hold of it while the left one still holds it. The item lies where the left arm
-reaches it and, in `standard`, no posture of the right one touches it, so that the left arm has to bring it. Both hands must have held it
-at the same time: an item that is put down and picked up again was not handed over.
+reaches it and, in `standard`, no posture of the right one touches it, so that the left arm has to bring it. Both hands must
+have held it at the same time: an item that is put down and picked up again was not handed over.
 
 Departures from the original: the item lies on the left arm's side of the table, beyond the right one's reach; there
 the receiver could pick it up itself in most places. It is 6 cm wide instead of 4 cm and is turned by up to 44 degrees instead of

@@ -2,8 +2,8 @@
 
 The paper counts it among the tasks that one arm cannot do. The box of 50 kg slides on the table at friction 0.38, and
 a single arm stalls at its torque limits unless it pushes at one end and then at the other, so that the box turns to and fro.
-Therefore the box may never be turned by more than 12 degrees; with the expert it turns by 4. A way remains that no policy
-here has found: fingertips in the middle that push and lift, by joint targets computed from the motors' limits (docs/environment.md).
+Therefore the box may never be turned by more than 12 degrees; with the expert it turns by 4. One way remains: fingertips in
+the middle that push and lift, by joint targets computed from the motors' limits (docs/environment.md).
 
 The task needs more force than users of a real Panda set as a contact limit: 186 N to slide the box, 93 N from each hand,
 and up to 175 N from one of them while the box gains speed. The motors can deliver it: the hands push with the outer sides
