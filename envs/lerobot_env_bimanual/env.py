@@ -332,12 +332,14 @@ class BimanualEnv(gym.Env):
         self.scene.restore_state(scene_state)
 
     def __getstate__(self) -> object:
-        """The state for copy and pickle, with worlds of its own; refused during an episode, as it would be lost."""
+        """The state for copy and pickle, which shares nothing that changes; refused during an episode, as it would be lost."""
         if self._progress is not None:
             raise TypeError(
                 "a running environment cannot be copied: give its save_state() to restore_state() of a new one"
             )
-        return vars(self) | {"_worlds": Worlds(self.task_definition, self.options, self.perturbations)}
+        own = {"tick_observers": [*self.tick_observers], "step_observers": [*self.step_observers]}
+        own |= {"_worlds": Worlds(self.task_definition, self.options, self.perturbations)}
+        return vars(self) | own | {"_np_random": copy.deepcopy(self._np_random)}
 
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""

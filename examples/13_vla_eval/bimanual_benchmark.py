@@ -1,6 +1,7 @@
 """The tasks in vla-eval (`pip install vla-eval`), which runs a benchmark in one process and a policy in another.
 
-The policy's server is sent `images` (camera -> uint8 RGB), `task_description` and `states` (16,). It answers with
+The policy's server is sent `images` (camera -> uint8 RGB), `task_description` and `states` (16,): per arm, left
+first, seven joints in rad and the gripper from 0 shut to 1 open. It answers with
 `actions`: 16 joint targets, a tick of 50 ms, or with `control_mode: keypose` 18 numbers, a whole motion of both arms.
 """
 

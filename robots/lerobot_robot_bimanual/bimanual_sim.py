@@ -194,7 +194,9 @@ class BimanualSim(Robot):
             self._has_left_home |= distance_rad > max(AWAY_RAD, 2 * tolerance_rad)
             env.tick(command)
             if env.progress.terminated and not was_over:
-                logger.info("the next episode begins when both hands are sent home, within %g rad", tolerance_rad)
+                logger.info(
+                    "the next episode begins when both hands are sent home, within %g rad", tolerance_rad
+                )
         return dict(zip(schema.JOINT_NAMES, env.progress.sent_action.tolist(), strict=True))
 
     def disconnect(self) -> None:

@@ -8,7 +8,7 @@ from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.options import EnvOptions, checked_seed
 
 MAX_HOME_TOLERANCE_RAD = 0.05
-"""Experts' hands stay at least 0.053 rad from home once they have left it (an episode of each task)."""
+"""Hands leave home at twice the tolerance; experts' do not come back so far (three episodes of each task and setting)."""
 
 
 @RobotConfig.register_subclass("bimanual_sim")

@@ -273,6 +273,7 @@ def test_a_copy_of_an_environment_between_episodes_has_a_world_of_its_own(duplic
     env = BimanualEnv("push_box", obs="state")
     assert env.scene.ticks == 0  # its world exists
     other = duplicate(env)
+    assert other.tick_observers is not env.tick_observers
     states = []
     for each in (env, other):
         each.reset(seed=3)

@@ -201,7 +201,7 @@ def test_arms_that_hold_still_touch_nothing_and_carry_their_own_weight():
     scene = Scene()
     meter = LoadMeter(scene)
     for _ in range(2):
-        meter.observe_tick(scene.commanded)
+        meter.observe_tick()
         scene.tick(scene.commanded, [meter.observe_step])
     load = meter.result()
     assert (load.velocity, load.acceleration, load.jerk, load.contact_force_n) == (0, 0, 0, 0)
@@ -216,7 +216,7 @@ def test_commands_are_differentiated_over_ticks():
     action, speed_rad_s = scene.commanded, 0.5
     for _ in range(4):  # as if joint 1 of the left arm started at once
         action[0] += speed_rad_s * TICK_S
-        meter.observe_tick(action)
+        meter.observe_tick()
         scene.tick(action)
     meter.observe_step()
     load = meter.result()

@@ -113,7 +113,7 @@ def _check(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> None:
     if config.replay == "joint" and (
         axes := {"command_noise", "misses"} & parse_levels(config.perturb).keys()
     ):
-        option = f"replay with {', '.join(sorted(axes))}, which acts on keyposes,"
+        option = f"replay under {', '.join(sorted(axes))}, where joint actions do not repeat every hash,"
         raise InvalidChoice(option, config.replay, ["none", "keypose"])
     if not config.axes and config.levels != ExpertEvaluateConfig.levels:
         raise InvalidChoice("axes", config.axes, "given with --levels, such as --axes=mass or --axes=all")

@@ -9,7 +9,7 @@ Measured at every step of physics (2 ms), of both arms:
 * the speed of the fingers, averaged over 10 ms, so that single impacts do not count;
 * the depth to which two bodies penetrate each other.
 
-Measured of the joint actions, one per tick of 50 ms: velocity, acceleration and jerk of each joint over its limit, by
+Measured of the commands that the arms got, after perturbations, one per tick of 50 ms: velocity, acceleration and jerk of each joint over its limit, by
 differences. These are the values that the quadratic spline of the scene's commands reaches: its accelerations are
 constant within a tick and step between two ticks within one step of physics.
 """
@@ -97,14 +97,11 @@ class LoadMeter:
         self._joint_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.joint_names(arm)]
         self._finger_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.finger_names(arm)]
         self._torques, self._speeds = list[NDArray[np.float64]](), list[NDArray[np.float64]]()
-        self._actions: list[NDArray[np.float32]] = []
+        self._commands: list[NDArray[np.float32]] = []
 
-    def observe_tick(self, joint_action: NDArray[np.float32]) -> None:
-        """Take the joint action (16,) of a tick into account, before it is executed."""
-        if not self._actions:
-            self._actions += 3 * [self._scene.commanded]  # it stood there
-        self._actions[-1] = self._scene.commanded  # as a perturbation of commands changed it
-        self._actions.append(joint_action.copy())
+    def observe_tick(self) -> None:
+        """Note what the arms were given last, before the next tick."""
+        self._commands += (1 if self._commands else 3) * [self._scene.commanded]  # they stood there at first
 
     def observe_step(self) -> None:
         """Take a step of physics into account, right after it, while its forces are known."""
@@ -114,13 +111,12 @@ class LoadMeter:
 
     def result(self) -> LoadMetrics:
         """The peaks, at the end of the episode."""
-        if self._actions:
-            self._actions[-1] = self._scene.commanded
         pair, (forces_n, depth_m, bodies) = self._scene.arm_pair, self._forces.take()
         torques = np.reshape(self._torques, (-1, len(ARMS), JOINTS_PER_ARM)) / pair.torque_limit_nm
         sums = np.cumsum(np.reshape(self._speeds, (-1, len(self._finger_dofs))), axis=0)
-        actions = np.array(self._actions, dtype=np.float64).reshape(-1, len(ARMS), ARM_ACTION_DIM)
-        velocity = np.diff(actions[..., :-1], axis=0) / TICK_S
+        commands = np.array([*self._commands, self._scene.commanded], dtype=np.float64)
+        joints_rad = commands.reshape(-1, len(ARMS), ARM_ACTION_DIM)[..., :-1]
+        velocity = np.diff(joints_rad, axis=0) / TICK_S
         acceleration = np.diff(velocity, axis=0) / TICK_S
         jerk = np.diff(acceleration, axis=0) / PHYSICS_STEP_S
         found = {
@@ -160,7 +156,7 @@ def run_measured(
     def note(env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
         if not meters:  # which scene it is shows at the reset
             meters.append(LoadMeter(env.scene))
-        meters[0].observe_tick(joint_action)
+        meters[0].observe_tick()
         actions.append(joint_action.copy())
         hashes.append(state_hash_column(env.state_hash()))
 

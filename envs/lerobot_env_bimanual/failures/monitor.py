@@ -78,7 +78,7 @@ class EpisodeMonitor:
 
     def note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
         """Note the state before a tick, and its joint action (16,)."""
-        self._load.observe_tick(joint_action)
+        self._load.observe_tick()
         self._observe()
 
     def events(self) -> EpisodeEvents:

@@ -30,7 +30,7 @@ class EpisodeRecorder(gym.Wrapper):
         self._start = ""
         self._chain = HashChain()
         self._actions: list[NDArray[np.float32]] = []
-        env.tick_observers.append(lambda _, joint_action: self._load.observe_tick(joint_action))
+        env.tick_observers.append(lambda *_: self._load.observe_tick())
         env.step_observers.append(lambda: self._load.observe_step())
 
     def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:

@@ -20,8 +20,8 @@ class Player:
 
     The expert plays an episode once more, from its seed. If its keyposes, joint actions and states equal those of the
     dataset, the dataset's keyposes and joint actions lead to the dataset's states, as the simulation is given the same
-    numbers. So one play verifies both kinds of replay, and both views of an episode. (Under `misses` a replay of joint actions
-    alone goes through other states, as that axis acts on keyposes.)
+    numbers. So one play verifies both kinds of replay, and both views of an episode. (Under `misses`, which ends with a
+    keypose, a replay by joint actions goes through other states; under `command_noise` some hashes differ.)
     """
 
     def __init__(self):

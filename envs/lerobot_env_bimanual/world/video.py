@@ -103,4 +103,5 @@ class VideoWriter:
         try:
             yield
         except OSError as error:
+            self._partial.unlink(missing_ok=True)
             raise BimanualError(f"cannot write videos to {self._folder}: {error}") from error

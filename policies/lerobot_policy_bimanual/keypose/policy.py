@@ -37,10 +37,10 @@ from lerobot_policy_bimanual.nn.wordllama import WordllamaLanguage
 REDUCTIONS = ("mean", "none")
 CARD = """
 It reads images with depth of {cameras} and an instruction, and answers with the next keypose of both arms. Install its packages,
-and score it on a task of its dataset (`lerobot-bimanual task list` names all):
+and score it on a task of its dataset (`lerobot-bimanual task list` names all), with the dataset's `--env.setting`:
 
 ```bash
-pip install 'lerobot_env_bimanual[lerobot]' lerobot_policy_bimanual
+pip install 'lerobot_env_bimanual[lerobot]' 'lerobot_policy_bimanual{extra}'
 lerobot-eval --policy.path={repo_id} --env.type=bimanual --env.task=TASK --env.image_size={size}
 ```
 """
@@ -140,7 +140,9 @@ class KeyposePolicy(PreTrainedPolicy):
         card = super().generate_model_card(*args, **kwargs)
         cameras, features = self.config.cameras, self.config.input_features or {}
         size = "x".join(map(str, features[image_key(cameras[0])].shape[-2:]))
-        ours = CARD.format(cameras=", ".join(cameras), repo_id=self.config.repo_id, size=size)
+        encoder = self.config.language_encoder
+        extra = {LEARNED_LANGUAGE: "", WORDLLAMA: "[words]"}.get(encoder, "[clip]")
+        ours = CARD.format(cameras=", ".join(cameras), repo_id=self.config.repo_id, size=size, extra=extra)
         card.text = card.text.replace("\n---\n", f"{ours}\n---\n", 1)
         return card
 
