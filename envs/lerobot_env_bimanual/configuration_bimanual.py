@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 
+from lerobot_bimanual.cli.lerobot_flags import program_name
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.joint_action import CONTROL_HZ, JOINT_ACTION_DIM
@@ -41,8 +40,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         from lerobot_env_bimanual.tasks.registry import get_task
 
         super().__post_init__()
-        program = Path(sys.argv[0]).stem.replace("_", "-")
-        if self.results_dir is not None and program in ("lerobot-train", "lerobot-bimanual-train"):
+        if self.results_dir is not None and program_name() in ("lerobot-train", "lerobot-bimanual-train"):
             choices = (
                 "given to `lerobot-eval` alone: evaluations of a training are of one policy after another"
             )

@@ -1,5 +1,6 @@
 """Reads LeRobot's flags before LeRobot is imported, which takes up to half a minute; LeRobot checks them only then."""
 
+import sys
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -8,6 +9,11 @@ from lerobot_bimanual.files import read_yaml
 
 TRUST_FLAG, KEEP_FLAG = "trust_checkpoint", "keep_last"
 """Flags that LeRobot does not know: whether to load a checkpoint without a check, and how many a training keeps."""
+
+
+def program_name() -> str:
+    """Name of this process's program as it is typed, such as `lerobot-eval`, also if Python runs its file."""
+    return Path(sys.argv[0]).stem.replace("_", "-")
 
 
 def flag_values(words: Sequence[str]) -> dict[str, str]:

@@ -63,9 +63,11 @@ SETTINGS += [row.config for row in ROWS.values()]
 QUOTED = (
     "--policy.shift=[0.5,1] '--policy.more=a b' --policy.depth=3.0 --policy.head=null --policy.name=\"it's\""
 )
-SETTINGS.append(
-    resolve(BenchmarkConfig("act", "push_box", steps=6, save_freq=6, val_episodes=0, train_flags=QUOTED))
-)
+SETTINGS += [
+    resolve(BenchmarkConfig("act", "push_box", steps=6, save_freq=6, val_episodes=0, train_flags=QUOTED)),
+    resolve(BenchmarkConfig("peract2", "push_box", variation="00", perturb="mass:1,light:2", device="cpu")),
+    resolve(BenchmarkConfig("peract2", "push_box", protocol="multitask", save_freq=6)),
+]
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda each: each.file_name)

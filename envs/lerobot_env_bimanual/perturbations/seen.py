@@ -107,10 +107,10 @@ def _lose_depth(context: HookContext[dict[str, float]], camera: str, image: Imag
     most = np.float32(context.memory[camera] * step / height)
     # NumPy processes an image as one flat array several times as fast as row by row.
     lost, line = _is_dark(rgb, round(context.magnitude * MAX_DARK)), depth_m.reshape(-1)
-    change_m2 = np.zeros_like(line)  # squares of the change to a pixel at the left, and to one above
-    for back in (step, step * width):
-        change_m2[back:] += np.square(line[back:] - line[:-back])
-    lost |= change_m2 > np.square(line * most)
+    squared_change_m2 = np.zeros_like(line)
+    for back in (step, step * width):  # differences along rows and along columns give the gradient's length
+        squared_change_m2[back:] += np.square(line[back:] - line[:-back])
+    lost |= squared_change_m2 > np.square(line * most)
     lost = lost.reshape(depth_m.shape)
     lost[:, :step] = True  # the second eye sees nothing beyond this edge of the image
     depth_m *= ~lost

@@ -7,7 +7,6 @@ LeRobot passes neither the policy nor the number of episodes to an environment.
 import base64
 import hashlib
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from lerobot.configs import PreTrainedConfig, parser
 from lerobot.configs.eval import EvalPipelineConfig
 from lerobot.utils.random_utils import deserialize_rng_state, serialize_rng_state
 
+from lerobot_bimanual.cli.lerobot_flags import program_name
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import sha256
 from lerobot_env_bimanual.vector.evaluation import Evaluation
@@ -32,7 +32,7 @@ def evaluation_of_program() -> Evaluation:
         BimanualError: LeRobot would record the evaluation, which does not work here, or play several tasks at once with one
             of its own policies, which has a single queue of actions.
     """
-    program = Path(sys.argv[0]).stem.replace("_", "-")
+    program = program_name()
     if program not in ("lerobot-eval", OURS):
         return Evaluation()
     config = _command_line()  # pyright: ignore[reportCallIssue]  LeRobot's parser gives it
