@@ -46,7 +46,9 @@ def check_output_file(path: Path) -> None:
 
 
 def lock_exclusively(descriptor: int, path: Path) -> None:
-    """Keep other processes out of an open file or folder until it is closed, or this process has ended.
+    """Keep other processes out of a file that is open for writing until it is closed, or this process has ended.
+
+    Network file systems keep the locks of other files, and of folders, on one machine.
 
     Raises:
         BimanualError: another process has it.
@@ -54,26 +56,38 @@ def lock_exclusively(descriptor: int, path: Path) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise BimanualError(
-            f"{path} is being written by another process; wait for it, or choose another folder"
-        ) from None
+        raise _InUse(path) from None
     except OSError:
         pass  # a file system without locks
 
 
+class _InUse(BimanualError):
+    def __init__(self, path: Path):
+        super().__init__(f"{path} is being written by another process; wait for it, or choose another folder")
+
+
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Make a folder, if it is not there, and keep other processes that own it out.
+    """Make a folder, if it is not there, and keep other processes that own it out by a file beside it.
 
     Raises:
         UnwritableOutput: nothing can be written there.
         BimanualError: another process owns it.
     """
     check_output_folder(folder)
-    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    lock = folder.with_name(f".{folder.name}.lock")
+    try:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        raise UnwritableOutput(lock, error.strerror or str(error)) from error
     try:
         lock_exclusively(descriptor, folder)
-        yield
+        if not (lock.exists() and os.path.samestat(os.fstat(descriptor), lock.stat())):
+            raise _InUse(folder)  # its last owner has just removed this lock
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
     finally:
         os.close(descriptor)
 
@@ -120,10 +134,20 @@ def _partial(path: Path, process: str) -> Path:
 
 
 def share_files(folder: Path, pattern: str) -> None:
-    """Let others read and write the files of a folder as far as the umask of this process allows."""
-    os.umask(umask := os.umask(0o077))
+    """Let others read and write this user's files of a folder as far as the umask of this process allows."""
     for file in folder.rglob(pattern):
-        file.chmod(0o666 & ~umask)
+        if file.stat().st_uid == os.geteuid():
+            file.chmod(0o666 & ~_umask())
+
+
+def share_folder(folder: Path) -> None:
+    """Let others use a folder that was made for this user alone, as far as the umask of this process allows."""
+    folder.chmod(0o777 & ~_umask())
+
+
+def _umask() -> int:
+    os.umask(umask := os.umask(0o077))
+    return umask
 
 
 def move_durably(source: Path, target: Path) -> None:

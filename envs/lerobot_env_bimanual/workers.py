@@ -14,13 +14,14 @@ import signal
 import socket
 import sys
 import sysconfig
+import tempfile
 import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from multiprocessing import connection, forkserver
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -35,6 +36,9 @@ from lerobot_bimanual.resources import worker_count
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
+
+MAX_TMPDIR = 75
+"""Longer names leave no room for the address of a socket in a folder of `multiprocessing`."""
 
 PACKAGES = (Path(__file__).parent, Path(lerobot_bimanual.__file__).parent)
 LIBRARIES = (*map(str, PACKAGES), *map(sysconfig.get_path, ("stdlib", "purelib")))
@@ -163,16 +167,16 @@ class WorkerPool:
                 self._running.clear()
 
     def _submit(self, function: Callable[[Any], Any], items: Sequence[Any], index: int) -> None:
-        if self._executor is None:
-            with interrupts_ignored():
-                forkserver.ensure_running()
-            self._others = {*multiprocessing.active_children()}
-            self._executor = ProcessPoolExecutor(self._limit, self._context, end_with_parent)
-        try:
-            future = self._executor.submit(_work, function, items[index])
-        except BrokenProcessPool as error:  # an idle worker died since the last submission
-            future = Future()
-            future.set_exception(error)
+        with clear_errors_of_start():
+            if self._executor is None:
+                ensure_fork_server()
+                self._others = {*multiprocessing.active_children()}
+                self._executor = ProcessPoolExecutor(self._limit, self._context, end_with_parent)
+            try:
+                future = self._executor.submit(_work, function, items[index])
+            except BrokenProcessPool as error:  # an idle worker died since the last submission
+                future = Future()
+                future.set_exception(error)
         self._running[future] = index
 
     def _end(self) -> None:
@@ -182,13 +186,38 @@ class WorkerPool:
             return
         if not all(future.done() for future in self._running):
             self._kill()
-        executor.shutdown(cancel_futures=True)
-        self._kill()  # those that were just being started
+        try:
+            executor.shutdown(cancel_futures=True)
+        finally:
+            self._kill()  # those that were just being started
 
     def _kill(self) -> None:
         for process in {*multiprocessing.active_children()} - self._others:
             if isinstance(process, self._context.Process):
                 process.kill()
+
+
+def ensure_fork_server() -> None:
+    """Start the process from which workers are forked, unless it runs."""
+    with clear_errors_of_start(), interrupts_ignored():
+        forkserver.ensure_running()
+
+
+@contextmanager
+def clear_errors_of_start() -> Iterator[None]:
+    """Say what workers need where the system refuses to start them.
+
+    Raises:
+        BimanualError: it has refused.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        folder = tempfile.gettempdir()
+        raise BimanualError(
+            f"no worker process can be started: {error}. They need a TMPDIR of at most {MAX_TMPDIR} characters ({folder} "
+            f"has {len(folder)}), a writable /dev/shm, and further processes (`ulimit -u`) and open files (`ulimit -n`)"
+        ) from error
 
 
 def end_with_parent() -> None:

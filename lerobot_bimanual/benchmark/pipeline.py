@@ -125,14 +125,19 @@ class Pipeline:
             BimanualError: the command failed or left no output, an input is missing, its folder holds checkpoints of
                 another training, its marker is damaged, or another process runs a command in the folder of the markers.
         """
-        with locked(self._folder):
-            return self._run(command)
+        if not self._is_done(command):
+            with locked(self._folder):
+                if not self._is_done(command):  # another process may have just finished it
+                    self._run(command)
+                    return True
+        self._console.rule(f"[bold]{command.name}[/bold] (already done)")
+        return False
 
-    def _run(self, command: Command) -> bool:
+    def _is_done(self, command: Command) -> bool:
+        return self._marker(command).done and command.output.exists()
+
+    def _run(self, command: Command) -> None:
         marker = self._marker(command)
-        if marker.done and command.output.exists():
-            self._console.rule(f"[bold]{command.name}[/bold] (already done)")
-            return False
         self._console.rule(f"[bold]{command.name}[/bold]")
         words, seconds = command.words, 0.0
         if command.training_folder is not None and (resume := self._resume(command, command.training_folder)):
@@ -162,7 +167,6 @@ class Pipeline:
             )
         marker.model_copy(update={"done": True}).write(self._path(command))
         self._console.print(f"[dim]{command.name}: {marker.seconds:.0f} s[/dim]")
-        return True
 
     def seconds(self, command: Command) -> float:
         """Wall time of a command that is done, with the runs that were interrupted and resumed."""

@@ -1,5 +1,6 @@
 """Folders and commands of a benchmark."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.recipes import Recipe, sizes
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import PROVENANCE_FILE
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
 from lerobot_bimanual.results.evaluation import STANDARD, eval_key, with_perturb_suffix
 
@@ -34,9 +36,9 @@ class Plan:
         return cls(
             settings=resolve(config),
             recipe=Recipe.find(config.policy, config.recipe),
-            output=config.output.resolve(),
+            output=_place("output", config.output),
             workers=config.workers,
-            video_dir=config.video_dir and config.video_dir.resolve(),
+            video_dir=config.video_dir and _place("video_dir", config.video_dir),
         )
 
     @property
@@ -218,6 +220,17 @@ class Plan:
     @property
     def _repo_id(self) -> str:
         return f"benchmark/{self.source.name}"
+
+
+def _place(name: str, path: Path) -> Path:
+    """An option's absolute path.
+
+    Raises:
+        InvalidChoice: LeRobot, which reads flags as YAML, would cut it.
+    """
+    if re.search(r" #|: ", str(path := path.resolve())):
+        raise InvalidChoice(name, str(path), "a path without ' #' and ': ', where LeRobot would cut it")
+    return path
 
 
 def _without_empty_options(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import textwrap
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, version
+from pathlib import Path
 
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, parse_flags
 from lerobot_bimanual.distributions import entries, module_path, require_extras
@@ -37,6 +38,9 @@ def main(words: Sequence[str] | None = None) -> int:
 def run_reporting_errors(program: str, work: Callable[[], int]) -> int:
     """The exit code of a program's work; if it fails, a line that begins with the program's name says why."""
     code = 128 + signal.SIGPIPE  # if the reader of our output leaves before the end, as `head` does
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115  as long as this process
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may know ASCII only
     try:

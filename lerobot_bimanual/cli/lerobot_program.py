@@ -1,5 +1,6 @@
 """Runs a program of LeRobot under our name: checks what it can before LeRobot's import, and reports failures on one line."""
 
+import errno
 import logging
 import os
 import sys
@@ -22,6 +23,9 @@ from lerobot_bimanual.errors import BimanualError
 
 MAX_LINES = 3
 """Longer messages are dumps of configs and metrics, or tracebacks of libraries that go on without what they lack."""
+
+
+DISK_REFUSALS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
 
 
 class Filtered:
@@ -99,13 +103,24 @@ def run_program(
         except Exception as error:
             if os.environ.get(TRACEBACK_VARIABLE) == "1":
                 raise
-            said = " ".join(str(error).split())
+            said = " ".join((str(error) + _disk_behind(error)).split())
             raise BimanualError(
                 f"{type(error).__name__}: {said} ({TRACEBACK_VARIABLE}=1 shows where)"
             ) from error
         return 0
 
     return run_reporting_errors(program, main)
+
+
+def _disk_behind(error: Exception) -> str:
+    """What a disk refused that is behind an error of LeRobot's data loader, and the remedy; "" if none did."""
+    cause: BaseException = error
+    while cause.__cause__ is not None:
+        cause = cause.__cause__
+    if not isinstance(cause, OSError) or cause.errno not in DISK_REFUSALS:
+        return ""
+    reason = "" if cause is error else f": {cause}"
+    return f"{reason}; LeRobot copies datasets to HF_DATASETS_CACHE, by default in ~/.cache/huggingface: empty or move it"
 
 
 def _configure_package_logging(stream: Any) -> None:

@@ -1,7 +1,9 @@
 """Files are on the disk before they are renamed; cores and memory for a process; signals that end it."""
 
+import fcntl
 import os
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -11,7 +13,14 @@ import pytest
 
 from lerobot_bimanual import resources
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import UnwritableOutput, move_durably, read_yaml, share_files, write_file
+from lerobot_bimanual.files import (
+    UnwritableOutput,
+    locked,
+    move_durably,
+    read_yaml,
+    share_files,
+    write_file,
+)
 from lerobot_bimanual.interrupts import end_when_parent_ends, termination_as_system_exit
 
 KILLED_WHILE_WRITING = """
@@ -68,6 +77,36 @@ def test_the_next_write_removes_the_partial_file_of_a_killed_process_and_no_othe
 def test_a_file_name_that_is_too_long_is_a_clear_error(tmp_path) -> None:
     with pytest.raises(UnwritableOutput, match="File name too long; choose another place"):
         write_file(tmp_path / ("a" * 250), "")
+
+
+def test_a_folder_is_locked_by_a_writable_file_since_network_file_systems_lock_nothing_else(
+    tmp_path, monkeypatch
+):
+    modes = []
+
+    def note(descriptor: int, _: int) -> None:
+        modes.append((os.fstat(descriptor).st_mode, fcntl.fcntl(descriptor, fcntl.F_GETFL)))
+
+    monkeypatch.setattr(fcntl, "flock", note)
+    with locked(tmp_path / "a"):
+        assert {path.name for path in tmp_path.iterdir()} == {"a", ".a.lock"}
+    assert {path.name for path in tmp_path.iterdir()} == {"a"}
+    ((mode, flags),) = modes
+    assert stat.S_ISREG(mode)
+    assert flags & os.O_RDWR
+
+
+def test_a_lock_that_its_owner_has_just_removed_locks_nothing(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(fcntl, "flock", lambda *_: (tmp_path / ".a.lock").unlink())
+    with pytest.raises(BimanualError, match="by another process; wait for it"), locked(tmp_path / "a"):
+        pass
+
+
+def test_files_of_another_user_are_left_as_they_are(tmp_path, monkeypatch) -> None:
+    (tmp_path / "a.safetensors").touch(0o600)
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    share_files(tmp_path, "*.safetensors")
+    assert (tmp_path / "a.safetensors").stat().st_mode & 0o777 == 0o600
 
 
 def test_files_are_shared_as_the_umask_says(tmp_path) -> None:

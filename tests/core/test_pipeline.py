@@ -58,10 +58,12 @@ def test_a_command_runs_again_when_its_words_output_or_input_changed(tmp_path, p
     assert count(tmp_path) == 4
 
 
-def test_a_second_process_in_the_same_folder_is_refused(tmp_path, pipeline):
+def test_a_second_process_in_the_same_folder_is_refused_unless_its_command_is_done(tmp_path, pipeline):
     with locked(tmp_path / "chain"), pytest.raises(BimanualError, match="by another process; wait for it"):
         pipeline.run(counting(tmp_path))
     pipeline.run(counting(tmp_path))
+    with locked(tmp_path / "chain"):
+        pipeline.run(counting(tmp_path))
     assert count(tmp_path) == 1
 
 

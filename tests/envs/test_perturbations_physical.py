@@ -18,7 +18,8 @@ from lerobot_env_bimanual.experts.baselines import make_player
 from lerobot_env_bimanual.experts.load import run_measured
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.experts.runner import expert, run_episode
-from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, free_bodies
+from lerobot_env_bimanual.perturbations.bodies import free_bodies
+from lerobot_env_bimanual.props.prop import DISTRACTOR
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.sweep.conditions import conditions_of
 from lerobot_env_bimanual.worlds import CODECS

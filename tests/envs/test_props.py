@@ -53,6 +53,17 @@ def test_a_thing_from_a_file_has_its_meshes_and_falls_onto_the_table(tmp_path):
         Scene([ModelFile("mug", "mug.xml")])
 
 
+def test_a_file_s_exclusions_and_constraints_may_name_its_first_body(tmp_path):
+    (path := tmp_path / "pot.xml").write_text("""<mujoco><worldbody><body name="pot"><geom size=".03"/>
+        <body name="lid"><joint name="turn"/><geom size=".03"/></body></body></worldbody>
+        <contact><exclude body1="pot" body2="lid"/></contact>
+        <equality><weld body1="lid" body2="pot"/><joint joint1="turn"/></equality></mujoco>""")
+    others, model = Scene([]).model, Scene([ModelFile("mine", str(path))]).model
+    assert (model.nexclude, model.neq) == (others.nexclude + 1, others.neq + 2)
+    bodies = [model.body(name).id for name in ("mine_lid", "mine")]
+    assert [*zip(model.eq_obj1id, model.eq_obj2id, strict=True)].count((*bodies,)) == 1
+
+
 CYLINDER = [(0, -0.1), (0.2, -0.1), (0.2, 0.1), (0, 0.1)]
 RING_FOOT = [(0, 0.01), (0.1, 0.01), (0.1, 0), (0.2, 0), (0.2, 0.1), (0, 0.1)]
 

@@ -17,6 +17,7 @@ from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.perturbations.axis import Axis, data
 from lerobot_env_bimanual.perturbations.axis import register as register_axis
+from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.task import Task, Variation
 from lerobot_env_bimanual.tasks.registry import (
@@ -65,6 +66,17 @@ def test_a_second_task_with_the_same_name_or_id_is_refused(changes, message):
             "instructions is 'push', but must be a tuple: one alone has a comma",
         ),
         ({"instructions": ()}, "instructions are empty"),
+        ({"variations": ()}, "variations are empty"),
+        ({"plans": ()}, "plans are empty"),
+        (
+            {"plans": ("left", "right"), "script": lambda self, scene, variation: ()},
+            "script has no argument `plan`",
+        ),
+        (
+            {"conditions": lambda self, variation: iter(self.spec.success)},
+            "conditions are .* must be a tuple",
+        ),
+        ({"props": (Box("distractor_box", (0.1, 0.1, 0.1), 1.0, 0.5),)}, "a prop is called 'distractor_box'"),
         ({"plans": "left"}, "plans is 'left', but must be a tuple"),
         ({"varied": (Above("box", 1.0),)}, "varied must be a tuple of sets of props"),
         ({"success": ()}, "success is empty, so that every episode would be solved"),
@@ -76,9 +88,11 @@ def test_a_second_task_with_the_same_name_or_id_is_refused(changes, message):
 )
 def test_a_task_whose_data_contradict_each_other_is_refused(changes, message):
     original = type(get_task("push_box"))
-    spec = replace(original.spec, name="new_name", id=1099, **changes)
+    methods = {name: changes[name] for name in ("script", "conditions") if name in changes}
+    data = {name: value for name, value in changes.items() if name not in methods}
+    spec = replace(original.spec, name="new_name", id=1099, **data)
     with pytest.raises(ValueError, match=message):
-        register(type("New", (original,), {"spec": spec, "conditions": Task.conditions}))
+        register(type("New", (original,), {"spec": spec, "conditions": Task.conditions} | methods))
 
 
 def test_two_tasks_of_other_distributions_may_not_have_the_same_id(monkeypatch):
@@ -204,6 +218,19 @@ def test_perturb_is_normalised_and_unknown_inapplicable_or_duplicate_axes_are_re
     mass = AXES.get("mass")
     with pytest.raises(ValueError, match="another axis is called 'mass'"):
         register_axis(mass)
+
+
+def test_a_condition_with_thresholds_outside_its_fields_has_no_version(monkeypatch):
+    class Higher(Condition):
+        def __init__(self, height_m: float):
+            object.__setattr__(self, "height_m", height_m)
+
+        def __call__(self, view):
+            return False
+
+    monkeypatch.setattr(type(get_task("push_box")), "conditions", lambda self, variation: (Higher(1.0),))
+    with pytest.raises(BimanualError, match="Higher of push_box has height_m outside its fields"):
+        world_version.__wrapped__("push_box")
 
 
 def test_a_condition_whose_text_differs_between_processes_has_no_version(monkeypatch):

@@ -64,6 +64,22 @@ def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():
         assert list(pool.map(int, ["3", "1"], "reading", "number")) == [3, 1]
 
 
+def test_a_system_that_cannot_start_workers_is_a_clear_error(tmp_path) -> None:
+    (folder := tmp_path / (80 * "a")).mkdir()
+    program = "import sys; from lerobot_env_bimanual.workers import WorkerPool; WorkerPool(1).map(int, ['1'], '', '')"
+    child = subprocess.run(
+        [sys.executable, "-c", f"{program}.__next__()"],
+        env=os.environ | {"TMPDIR": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (
+        "BimanualError: no worker process can be started: AF_UNIX path too long. They need a TMPDIR"
+        in child.stderr
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("program", [BUSY, STARTING])

@@ -120,6 +120,16 @@ PACKAGES = Path(__file__).parents[2] / "policies" / "lerobot_policy_bimanual"
 FILES = sorted(PACKAGES.glob("*/recipes/*.yaml"))
 
 
+@pytest.mark.parametrize("folder", ["runs #1", "runs: all"])
+def test_places_that_lerobot_would_cut_are_refused_before_anything_runs(folder, tmp_path):
+    for name in ("output", "video_dir"):
+        with pytest.raises(
+            BimanualError, match=f"{name} is .*{folder}.* but must be a path without ' #' and ': '"
+        ):
+            policy_benchmark(BenchmarkConfig(**{name: tmp_path / folder}))
+    assert not [*tmp_path.iterdir()]
+
+
 def test_every_policy_has_a_recipe_of_every_size():
     policies = {path.parent.name for path in PACKAGES.glob("*/configuration_*.py")}
     assert {(path.parts[-3], path.stem) for path in FILES} == {*product(policies | STOCK, SIZES)}

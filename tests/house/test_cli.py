@@ -133,6 +133,12 @@ def test_ascii_terminals_and_closed_pipes_cause_no_traceback(name, reader, shown
     assert (child.stdout, child.stderr, child.returncode) == (shown, b"", code)
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
+def test_a_command_whose_output_is_closed_does_its_work(closed, greeting, tmp_path):
+    program = f"exec {sys.executable} -m lerobot_bimanual.cli greet {closed}"
+    assert subprocess.call(["bash", "-c", program], env=os.environ | {"PYTHONPATH": str(tmp_path)}) == 5
+
+
 @pytest.mark.parametrize(
     ("progress", "shown"), [(False, "one\nthree\n"), (True, "one\nINFO two\n\r 50%|\nthree\n")]
 )

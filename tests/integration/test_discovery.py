@@ -63,3 +63,16 @@ def test_lerobots_programs_say_that_it_is_not_installed(monkeypatch, capsys) -> 
     monkeypatch.setattr(lerobot_program, "installed_version", lambda _: None)
     assert lerobot_program.run_program("lerobot-bimanual-eval", check=print, work=print, progress=False) == 1
     assert "pip install 'lerobot_bimanual[lerobot]'" in capsys.readouterr().err
+
+
+def test_a_full_disk_behind_an_error_of_lerobots_loader_is_named_with_the_remedy(monkeypatch, capsys) -> None:
+    def load(_: object) -> None:
+        raise RuntimeError("An error occurred while generating the dataset") from OSError(28, "No space left")
+
+    monkeypatch.setattr("sys.argv", ["lerobot-bimanual-train"])
+    assert lerobot_program.run_program("lerobot-bimanual-train", check=bool, work=load, progress=False) == 1
+    said = capsys.readouterr().err
+    assert (
+        "while generating the dataset: [Errno 28] No space left; LeRobot copies datasets to HF_DATASETS_CACHE"
+        in said
+    )

@@ -145,6 +145,11 @@ def _task_facts(task: Task) -> Iterator[str]:
         for condition in task.conditions(variation):
             for each in (condition, *(condition.parts if isinstance(condition, OnTheWay) else ())):
                 values = {field.name: getattr(each, field.name) for field in fields(each)}
+                if others := sorted(vars(each).keys() - values.keys() - {"name"}):
+                    raise BimanualError(
+                        f"{type(each).__name__} of {spec.name} has {', '.join(others)} outside its fields, so that versions "
+                        "would not tell it from others: make the condition a frozen dataclass"
+                    )
                 for name, value in values.items():
                     if isinstance(value, set | frozenset) or " at 0x" in repr(value):
                         raise BimanualError(

@@ -21,7 +21,7 @@ from lerobot_bimanual.dataset.checksums import checksum_problems
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import PROVENANCE_FILE, VIEWS
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_bimanual.files import locked, move_durably
+from lerobot_bimanual.files import locked, move_durably, share_files, share_folder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings, Origin
 
@@ -153,7 +153,7 @@ def staged(root: Path, settings: GenerationSettings) -> Iterator[Staging]:
             yield Staging(root, folder, settings, origin)
         finally:
             if not (shards.is_dir() and any(shards.iterdir())):
-                shutil.rmtree(folder)
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def view_folder(root: Path, settings: GenerationSettings, view: str) -> Path:
@@ -174,6 +174,8 @@ def new_folder(parent: Path) -> Iterator[Path]:
 def place_shard(folder: Path, target: Path) -> None:
     """Move a finished shard to its final folder; an existing one is equivalent, and is kept."""
     if not target.exists():
+        share_folder(folder)  # a temporary folder and LeRobot's videos are for their owner alone
+        share_files(folder, "*.mp4")
         move_durably(folder, target)
 
 

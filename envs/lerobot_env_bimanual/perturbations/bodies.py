@@ -10,6 +10,7 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axis import Axis, HookContext, Start, data, register
+from lerobot_env_bimanual.props.prop import DISTRACTOR
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.task import TaskSpec
 from lerobot_env_bimanual.world.scene import Scene
@@ -18,8 +19,6 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 FREE = mujoco.mjtJoint.mjJNT_FREE
 HINGED = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 ARM_JOINTS = {name for arm in ARMS for name in (*PANDA_PAIR.joint_names(arm), *PANDA_PAIR.finger_names(arm))}
-DISTRACTOR = "distractor"
-"""Prefix of the names of bodies that no task uses."""
 CM_PER_M = 100
 RAY_STEP_M = 1e-6
 """A ray goes on this far below a surface that it has hit."""

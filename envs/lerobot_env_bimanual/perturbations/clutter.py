@@ -10,7 +10,8 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axis import Axis, Start, data, register
-from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, joints_of_props
+from lerobot_env_bimanual.perturbations.bodies import joints_of_props
+from lerobot_env_bimanual.props.prop import DISTRACTOR
 from lerobot_env_bimanual.stage import home_keypose, stages_and_targets
 from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.world.arena import TABLE_CENTRE_XY_M, TABLE_HALF_SIZE_M

@@ -33,7 +33,17 @@ class ModelFile:
                 f"prop {self.name!r}: {self.path} has no body: put what it describes into one"
             )
         attached = spec.worldbody.add_frame().attach_body(body, f"{self.name}_", "")
-        attached.name, attached.pos, attached.quat = self.name, (0, 0, 0), (1, 0, 0, 0)
+        old, attached.name = attached.name, self.name
+        for each in spec.excludes:  # these name bodies, and a new name does not reach them
+            each.bodyname1, each.bodyname2 = (
+                self.name if name == old else name for name in (each.bodyname1, each.bodyname2)
+            )
+        for each in spec.equalities:
+            if each.objtype == mujoco.mjtObj.mjOBJ_BODY:
+                each.name1, each.name2 = (
+                    self.name if name == old else name for name in (each.name1, each.name2)
+                )
+        attached.pos, attached.quat = (0, 0, 0), (1, 0, 0, 0)
         for each in (attached, *attached.find_all("body")):
             for geom in each.geoms:
                 geom.group = {COARSE: 0, FINE: COLLISION_ONLY["group"]}.get(geom.group, geom.group)

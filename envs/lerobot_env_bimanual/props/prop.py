@@ -34,6 +34,9 @@ ON_RUBBER = MappingProxyType({"stiffness": 1000.0, "damping": 20.0, "armature": 
 """Settings of the slide of a compliant handle, in N/m, N s/m and kg: with a rigid one, a hand beside the handle's arc would
 strain its wrist. The added inertia keeps fingers from sinking into the handle."""
 
+DISTRACTOR = "distractor"
+"""Prefix of the names of bodies that no task uses, and no prop may have."""
+
 type Vector = Sequence[float] | NDArray[np.float64]
 
 

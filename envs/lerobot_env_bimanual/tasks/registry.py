@@ -5,6 +5,8 @@ Names are known without loading MuJoCo, so that a plugin can list its tasks quic
 
 from __future__ import annotations
 
+import inspect
+import itertools
 import pkgutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -56,6 +58,8 @@ def register[T: Task](task_class: type[T]) -> type[T]:
 
 def _check(task: Task) -> None:
     """Raise a `ValueError` for data whose episodes would seem right but be wrong."""
+    from lerobot_env_bimanual.props.prop import DISTRACTOR
+
     spec = task.spec
     for name in ("instructions", "suites", "props", "success", "variations", "varied", "plans"):
         if not isinstance(given := getattr(spec, name), tuple):
@@ -66,8 +70,12 @@ def _check(task: Task) -> None:
         )
     if spec.horizon_ticks < 1:
         raise ValueError(f"horizon_ticks is {spec.horizon_ticks}, but must be at least 1")
-    if not spec.instructions:
-        raise ValueError("instructions are empty, but an episode has one")
+    for name in ("instructions", "variations", "plans"):
+        if not getattr(spec, name):
+            raise ValueError(f"{name} are empty, but an episode has one")
+    for prop in itertools.chain(spec.props, *spec.varied):
+        if prop.name.startswith(DISTRACTOR):
+            raise ValueError(f"a prop is called {prop.name!r}, but such names belong to the axis clutter")
     indices = [variation.index for variation in spec.variations]
     if indices != [*range(len(indices))]:
         raise ValueError(f"variations have the indices {indices}, but must have {[*range(len(indices))]}")
@@ -78,13 +86,20 @@ def _check(task: Task) -> None:
             raise ValueError(
                 f"an instruction names {error}, which variation {variation.index} has no word for"
             ) from error
-        names = [condition.name for condition in task.conditions(variation)]
+        if not isinstance(conditions := task.conditions(variation), tuple):
+            raise ValueError(f"conditions are {conditions!r:.80}, but must be a tuple")
+        names = [condition.name for condition in conditions]
         if not names:
             raise ValueError("success is empty, so that every episode would be solved at once")
         if twice := {name for name in names if names.count(name) > 1}:
             raise ValueError(
                 f"conditions must have different names, but two are called {', '.join(sorted(twice))}"
             )
+        for plan in range(len(spec.plans)):
+            try:
+                inspect.signature(task.script_for_plan(variation, plan))
+            except ValueError as error:
+                raise ValueError(f"plans are {spec.plans}, but script has no argument `plan`") from error
 
 
 def list_tasks() -> tuple[str, ...]:

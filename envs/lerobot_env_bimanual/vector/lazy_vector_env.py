@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from multiprocessing import connection, forkserver
+from multiprocessing import connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -22,7 +22,6 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice
-from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
@@ -31,7 +30,14 @@ from lerobot_env_bimanual.options import checked_reset_options, checked_seed
 from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
 from lerobot_env_bimanual.vector.evaluation import Evaluation, EvaluationLog
 from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone, SkippedEpisode
-from lerobot_env_bimanual.workers import WorkerDied, as_picklable_error, end_with_parent, exit_reason
+from lerobot_env_bimanual.workers import (
+    WorkerDied,
+    as_picklable_error,
+    clear_errors_of_start,
+    end_with_parent,
+    ensure_fork_server,
+    exit_reason,
+)
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.workers", "lerobot_env_bimanual.env"]
 """Imported once by the process from which the workers are forked, instead of by each of them."""
@@ -157,15 +163,14 @@ class LazyVectorEnv(VectorEnv):
         example.close()
         if asynchronous:  # so that it imports what workers need while LeRobot loads the policy
             multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
-            with interrupts_ignored():
-                forkserver.ensure_running()
+            ensure_fork_server()
 
     def _ensure(self) -> SyncVectorEnv | AsyncVectorEnv:
         """Start the environments unless they run; LeRobot calls this by name to start the next task's early."""
         with self._lock:
             if self._running is None:
                 if self._asynchronous:
-                    with _main_module_hidden(), _report_worker_death():
+                    with clear_errors_of_start(), _main_module_hidden(), _report_worker_death():
                         self._running = AsyncVectorEnv(
                             self._make_envs, context="forkserver", autoreset_mode=AutoresetMode.NEXT_STEP
                         )

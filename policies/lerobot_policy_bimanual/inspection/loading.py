@@ -42,7 +42,8 @@ def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy,
         known = PreTrainedConfig.get_known_choices().items()
         fit = ", ".join(name for name, kind in known if issubclass(kind, KeyposePolicyConfig))
         raise CheckpointError(
-            f"{checkpoint} holds the policy {config.type!r}, which predicts no keyposes. Policies that do: {fit}"
+            f"{checkpoint} holds the policy {config.type!r}, which is not built on `KeyposePolicy`, whose predictions this "
+            f"command reads. Policies that are: {fit}"
         )
     if config.use_peft:
         raise CheckpointError(
