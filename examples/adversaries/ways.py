@@ -41,7 +41,7 @@ UNSOLVED_BY_ONE_ARM = (
     ("lift_ball", "left"),
     ("straighten_rope", "left"),
 )
-"""The others, and the arm that gets furthest; forces found by a search push the box at times (docs/environment.md)."""
+"""The others, and the arm that gets furthest."""
 
 type Way = Callable[[BimanualEnv], Moves]
 

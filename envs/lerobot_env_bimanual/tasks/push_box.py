@@ -2,8 +2,8 @@
 
 The paper counts it among the tasks that one arm cannot do. The box of 50 kg slides on the table at friction 0.38, and
 a single arm stalls at its torque limits unless it pushes at one end and then at the other, so that the box turns to and fro.
-Therefore the box may never be turned by more than 12 degrees; with the expert it turns by 4. One way remains: fingertips in
-the middle that push and lift, by joint targets computed from the motors' limits (docs/environment.md).
+Therefore the box may never be turned by more than 12 degrees; with the expert it turns by 4. And both hands have to touch it at
+the same time, as fingertips in the middle that push and lift, by joint targets found by search, move it alone (docs/environment.md).
 
 The task needs more force than users of a real Panda set as a contact limit: 186 N to slide the box, 93 N from each hand,
 and up to 175 N from one of them while the box gains speed. The motors can deliver it: the hands push with the outer sides
@@ -24,10 +24,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Aligned, Always, AtRest, CentredOn
+from lerobot_env_bimanual.conditions import Aligned, Always, AtRest, CentredOn, Once, Touched
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
@@ -88,6 +88,7 @@ class PushBox(Task):
             CentredOn("box", "target", TOLERANCE_M, VARIED_TOLERANCE_M),
             AtRest("box"),
             Always((Aligned("box", "target", MAX_TURN_DEG),)),
+            Once(tuple(Touched("box", by=arm) for arm in ARMS)),
         ),
         horizon_ticks=250,
         needs_both_arms=True,
