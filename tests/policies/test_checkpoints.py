@@ -91,6 +91,10 @@ DAMAGES: dict[str, tuple[Change, str]] = {
     "a tensor missing": (weights(lambda tensors: tensors.pop(BIAS)), f"lacks tensors.*{BIAS}"),
     "a tensor too many": (weights(lambda tensors: tensors.update(more=torch.ones(1))), "unknown.* more"),
     "a tensor of another shape": (weights(lambda held: held.update({BIAS: torch.ones(9)})), r"is \(9,\)"),
+    "a tensor of whole numbers": (
+        weights(lambda held: held.update({BIAS: held[BIAS].long()})),
+        "torch.int64",
+    ),
     "an infinite weight": (weights(lambda held: held[BIAS][:1].fill_(torch.inf)), f"{BIAS} in .* not finite"),
     "no preprocessor": (remove(PREPROCESSOR), "policy_preprocessor.json: No such file"),
     "a step by class": (step(**{"class": "subprocess.Popen"}), "names the class 'subprocess.Popen'"),
@@ -181,6 +185,8 @@ def test_a_sound_checkpoint_is_described_and_loaded_strictly(
         stock = type(loaded).from_pretrained(checkpoint)
         batch = make_batch()
         assert torch.equal(loaded.select_action(batch), stock.select_action(batch))
+        weights(lambda held: held.update({name: value.half() for name, value in held.items()}))(checkpoint)
+        assert {value.dtype for value in load_policy(checkpoint)[0].parameters()} == {torch.float32}
         weights(lambda tensors: tensors.pop(min(tensors)))(checkpoint)
         with pytest.raises(CheckpointError, match="Missing key"):
             type(loaded).from_pretrained(checkpoint)
@@ -219,7 +225,7 @@ def test_a_policy_of_lerobot_is_checked_without_being_built(checkpoint, capsys):
         each.save_pretrained(checkpoint)
     assert cli.main(["policy", "check", f"--checkpoint={checkpoint}"]) == 0
     assert capsys.readouterr().out.startswith("act with")
-    with pytest.raises(CheckpointError, match="predicts no keyposes"):
+    with pytest.raises(CheckpointError, match="not built on `KeyposePolicy`"):
         load_policy(checkpoint)
     weights(lambda tensors: tensors[min(tensors)].fill_(torch.nan))(checkpoint)
     with pytest.raises(CheckpointError, match="not finite"):

@@ -11,6 +11,7 @@ import torch
 from huggingface_hub import ModelCard
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig, policies
 from lerobot.policies.factory import get_policy_class
+from torch.nn import functional
 
 import lerobot_policy_bimanual
 from lerobot_bimanual.cameras import CAMERA_NAMES
@@ -120,9 +121,9 @@ def test_gradients_reach_every_parameter(make_policy, make_batch, dtype):
             assert parameter.grad.any(), name
 
 
-def test_linear_layers_map_the_last_axis_alone_as_adapters_do(make_policy, make_batch):
+def test_linear_layers_are_linear_so_that_adapters_can_be_merged(make_policy, make_batch):
     def check(layer: torch.nn.Linear, inputs: tuple[torch.Tensor], output: torch.Tensor) -> None:
-        assert output.shape == (*inputs[0].shape[:-1], layer.out_features)
+        torch.testing.assert_close(output, functional.linear(inputs[0], layer.weight, layer.bias))
 
     policy = make_policy()
     layers = [module for module in policy.modules() if isinstance(module, torch.nn.Linear)]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import torch
 from pydantic import Field, PositiveFloat, model_validator
 from safetensors import SafetensorError, safe_open
 from torch import Tensor
@@ -18,7 +19,7 @@ type Kind = Literal["STATE", "VISUAL", "ENV", "ACTION", "REWARD", "LANGUAGE"]
 type Mode = Literal["MIN_MAX", "MEAN_STD", "IDENTITY", "QUANTILES", "QUANTILE10"]
 type Float = Literal["float16", "float32", "float64", "bfloat16", "half", "float", "double"]
 
-
+HALF_PRECISION = (torch.float16, torch.bfloat16)
 MAX_NUMBERS = 2**24
 """Of an input or output; an RGB image of 2365 x 2365 pixels has as many."""
 
@@ -169,8 +170,8 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
 
 
 def _checked_size(source: str, tensor: Tensor, expected: Tensor | None) -> int:
-    """The number of elements of a tensor that is finite and as expected."""
-    if expected is not None and (tensor.shape, tensor.dtype) != (expected.shape, expected.dtype):
+    """The number of elements of a tensor that is finite and as expected; weights may be of half precision."""
+    if expected is not None and _kind(tensor) != _kind(expected):
         raise CheckpointError(
             f"{source} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
             f"{tuple(expected.shape)} {expected.dtype}"
@@ -178,3 +179,8 @@ def _checked_size(source: str, tensor: Tensor, expected: Tensor | None) -> int:
     if not (tensor.float() if tensor.itemsize == 1 else tensor).isfinite().all():  # float8 lacks the test
         raise CheckpointError(f"{source} holds numbers that are not finite")
     return tensor.numel()
+
+
+def _kind(tensor: Tensor) -> tuple[torch.Size, torch.dtype]:
+    """Shape and type, of which loading makes float32 if it is of half precision."""
+    return tensor.shape, torch.float32 if tensor.dtype in HALF_PRECISION else tensor.dtype

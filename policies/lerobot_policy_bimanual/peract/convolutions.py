@@ -106,15 +106,3 @@ class PatchConv3d(nn.Module):
     def row_weight(self) -> Tensor:
         """(outputs, PATCH^3 inputs), the channels fastest."""
         return einops.rearrange(self.conv.weight, "o c i j k -> o (i j k c)")
-
-
-class ActivatedLinear(nn.Linear):
-    """Linear layer and LeakyReLU."""
-
-    def __init__(self, inputs: int, outputs: int):
-        super().__init__(inputs, outputs)
-        init_activated(self)
-
-    def forward(self, input: Tensor) -> Tensor:
-        """(..., inputs) -> (..., outputs)."""
-        return activate(super().forward(input))

@@ -7,10 +7,18 @@ import torch
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
-from lerobot_policy_bimanual.nn.layers import Attention, Block, FeedForward, LanguageFilters, init_linear
+from lerobot_policy_bimanual.nn.layers import (
+    Attention,
+    Block,
+    FeedForward,
+    LanguageFilters,
+    activate,
+    init_activated,
+    init_linear,
+)
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
-from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchConv3d, PointwiseConv3d
+from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
 from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
 from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS, QUADRATIC
@@ -96,7 +104,7 @@ class PerActNetwork(nn.Module):
         # PerAct2 pads the patches, which centres them on voxels 0, 5, 10, ... The factorised head instead needs
         # tokens that see exactly the voxels it then chooses from.
         self.patchify = PatchConv3d(channels, token_dim // 2, centred=dense)
-        self.proprio = ActivatedLinear(proprio_dim, token_dim // 2)
+        self.proprio = _activated_linear(proprio_dim, token_dim // 2)
         self.language = nn.Linear(config.language_dim, token_dim)
         init_linear(self.language)
         # Standard deviation 1 for the same reason as the latents of `PerceiverIO`.
@@ -105,7 +113,7 @@ class PerActNetwork(nn.Module):
         head = DenseTranslationHead if dense else FactorisedTranslationHead
         self.translation: Any = head(config, arms=arms)
         features, outputs = self.translation.feature_dim, 3 * config.codec.rotation_bins + 2 + 2
-        self.pose_heads = nn.ModuleList(_mlp(features, *HIDDEN, outputs) for _ in range(arms))
+        self.pose_heads = nn.ModuleList(_MLP(features, *HIDDEN, outputs) for _ in range(arms))
         self.goal = FirstArmGoalEncoder(token_dim, self.patches) if joint else None
         if config.compile:
             self.compile()  # in place: the names in the checkpoint stay the same
@@ -128,7 +136,7 @@ class PerActNetwork(nn.Module):
             filters = self.language_filters(language.mean(dim=1)).unflatten(1, (-1, grid.shape[1] + 1))
         stem, patches = self.translation.read(grid, self.stem, self.patchify, filters)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
-        proprio_features = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
+        proprio_features = activate(self.proprio(proprio))[:, None].expand(-1, patches.shape[1], -1)
         voxel_tokens = torch.cat(
             [patches, proprio_features], dim=-1
         )  # (b, p^3, token_dim), half of it from the patches
@@ -156,7 +164,7 @@ class FirstArmGoalEncoder(nn.Module):
     def __init__(self, token_dim: int, patches: int):
         super().__init__()
         self.patches = patches
-        self.layers = _mlp(4, HIDDEN[1], HIDDEN[1], token_dim)
+        self.layers = _MLP(4, HIDDEN[1], HIDDEN[1], token_dim)
 
     def forward(self, answers: Tensor, voxel: Tensor) -> Tensor:
         """Answers (b, 2, token_dim, p, p, p), the second arm's with the direction to the first arm's voxels (b, 3) added."""
@@ -168,8 +176,22 @@ class FirstArmGoalEncoder(nn.Module):
         return torch.stack([answers[:, 0], answers[:, 1] + goal_features], dim=1)
 
 
-def _mlp(inputs: int, first: int, second: int, outputs: int) -> nn.Sequential:
-    """Two hidden layers and a linear one, which is made first: what a seed gives depends on that order."""
-    last = nn.Linear(second, outputs)
-    init_linear(last)
-    return nn.Sequential(ActivatedLinear(inputs, first), ActivatedLinear(first, second), last)
+class _MLP(nn.Sequential):
+    """Two activated layers and a linear one."""
+
+    def __init__(self, inputs: int, first: int, second: int, outputs: int):
+        last = nn.Linear(second, outputs)  # made first: what a seed gives depends on that order
+        init_linear(last)
+        super().__init__(_activated_linear(inputs, first), _activated_linear(first, second), last)
+
+    def forward(self, input: Tensor) -> Tensor:
+        """(..., inputs) -> (..., outputs)."""
+        first, second, last = self
+        return last(activate(second(activate(first(input)))))
+
+
+def _activated_linear(inputs: int, outputs: int) -> nn.Linear:
+    """A layer whose output its caller activates: an adapter has to act before that, or merging it would change the network."""
+    layer = nn.Linear(inputs, outputs)
+    init_activated(layer)
+    return layer
