@@ -31,7 +31,7 @@ def results_compare(config: ResultsCompareConfig) -> None:
     Pairs the episodes by seed and prints, per task, both success rates with their 95 % Wilson intervals, on how many episodes
     either was better, and the p-value of McNemar's exact test, also as corrected by Holm for the number of lines. Of policies
     that were trained several times, every training is shown, an episode counts once, with the mean over its trainings, and
-    the p-value is that of an exact permutation test within episodes. The difference has two standard errors: from the draw
+    the p-value is the larger of two exact permutation tests: of signs, and of outcomes within episodes. The difference has two standard errors: from the draw
     of the episodes, and from the draw of the trainings.
 
     Examples:

@@ -68,11 +68,7 @@ class Comparison:
 
     @property
     def p_value(self) -> float:
-        """Two-sided p-value of the permutation test within episodes; for one training of each it is McNemar's.
-
-        Trainings are tested on the same episodes, and what is hard for one is hard for the others. So outcomes are
-        exchanged among the trainings of an episode only.
-        """
+        """Two-sided p-value of the episodes' successes; see `paired_p_value`."""
         first, second = (table.sum(axis=1).tolist() for table in self.solved)
         return paired_p_value(first, second, (len(self.first), len(self.second)))
 

@@ -64,11 +64,12 @@ def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
 
 
 def paired_p_value(first: Sequence[int], second: Sequence[int], trainings: tuple[int, int] = (1, 1)) -> float:
-    """Two-sided p-value of an exact permutation test of paired successes (Fisher 1935, Pitman 1937).
+    """Two-sided p-value of paired successes: the larger of two exact permutation tests, each of which alone may be too small.
 
-    If both policies were equally good, it would be chance which of the trainings solve an episode. This is the probability
-    of mean successes at least as different as those seen, over all ways to deal out the successes of each episode. With
-    one training of each it is the exact test of McNemar (1947).
+    It is the probability of mean successes at least as different as those seen, if the policies were equally good. The one
+    test takes episodes for the sample: the difference of each has either sign (Fisher 1935), however alike the trainings of
+    a policy are. The other deals out the successes of each episode among all trainings (Pitman 1937), which holds for
+    unequal numbers of them, too. With one training of each, both are the exact test of McNemar (1947).
 
     Args:
         first: successes of the trainings of the first policy, one number per episode.
@@ -76,16 +77,19 @@ def paired_p_value(first: Sequence[int], second: Sequence[int], trainings: tuple
         trainings: number of trainings of either.
     """
     n, m = trainings
-    solved = [a + b for a, b in zip(first, second, strict=True)]
-    chances = np.ones(
-        1
-    )  # of each number of successes of the first, whose part in an episode is hypergeometric
-    for count in solved:
-        ways = [comb(count, k) * comb(n + m - count, n - k) for k in range(n + 1)]
-        chances = np.convolve(chances, np.divide(ways, comb(n + m, n)))
-    # The difference between the means, in parts of 1 / (n m), is an integer.
-    differences = (n + m) * np.arange(len(chances)) - n * sum(solved)
-    return min(1.0, float(chances[abs(differences) >= abs(differences[sum(first)])].sum()))
+    total, largest = 0, n * m  # of the difference between the means of an episode, in parts of 1 / (n m)
+    flipped, dealt = np.ones(1), np.ones(1)  # chances of each sum over the episodes so far
+    for a, b in zip(first, second, strict=True):
+        total += (difference := m * a - n * b)
+        signs, deals = np.zeros((2, 2 * largest + 1))
+        for each in (difference, -difference):
+            signs[largest + each] += 0.5
+        for k in range(max(0, a + b - m), min(n, a + b) + 1):  # hypergeometric
+            ways = comb(a + b, k) * comb(n + m - a - b, n - k)
+            deals[largest + m * k - n * (a + b - k)] = ways / comb(n + m, n)
+        flipped, dealt = np.convolve(flipped, signs), np.convolve(dealt, deals)
+    is_as_different = abs(np.arange(len(dealt)) - len(dealt) // 2) >= abs(total)
+    return min(1.0, max(float(chances[is_as_different].sum()) for chances in (flipped, dealt)))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

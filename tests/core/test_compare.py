@@ -145,7 +145,9 @@ def test_wilson_interval_has_the_published_values(successes, trials, lower, uppe
     ("first", "second"),
     [(["xx.x"], ["...x"]), (["xxx.", "xx.x"], ["...x"]), (["x.x.", "x..x", "xx.."], ["..xx", ".xx."])],
 )
-def test_the_permutation_test_counts_all_ways_to_deal_out_the_outcomes_of_each_episode(first, second):
+def test_the_paired_test_counts_all_signs_and_all_ways_to_deal_out_the_outcomes_of_each_episode(
+    first, second
+):
     outcomes = np.array([[mark == "x" for mark in marks] for marks in (*first, *second)])
     n, trainings = len(first), len(outcomes)
     seen = abs(outcomes[:n].mean() - outcomes[n:].mean())
@@ -156,9 +158,19 @@ def test_the_permutation_test_counts_all_ways_to_deal_out_the_outcomes_of_each_e
         ]
         for episode in outcomes.T
     ]
-    at_least = np.mean([abs(np.mean(differences)) > seen - 1e-9 for differences in product(*dealt)])
+    differences = outcomes[:n].mean(axis=0) - outcomes[n:].mean(axis=0)
+    flipped = [(each, -each) for each in differences]
+    at_least = [
+        np.mean([abs(np.mean(each)) > seen - 1e-9 for each in product(*ways)]) for ways in (dealt, flipped)
+    ]
     of_episode = outcomes[:n].sum(axis=0).tolist(), outcomes[n:].sum(axis=0).tolist()
-    assert paired_p_value(*of_episode, (n, trainings - n)) == pytest.approx(at_least)
+    assert paired_p_value(*of_episode, (n, trainings - n)) == pytest.approx(max(at_least))
+
+
+def test_copies_of_a_training_are_no_evidence():
+    first, second = np.array([1, 1, 1, 1, 0, 1, 1]), np.array([0, 1, 0, 0, 1, 0, 0])
+    alone = paired_p_value(first.tolist(), second.tolist())
+    assert paired_p_value((3 * first).tolist(), (3 * second).tolist(), (3, 3)) == pytest.approx(alone)
 
 
 def test_holm_corrects_for_the_number_of_questions_and_keeps_the_order():
