@@ -27,7 +27,7 @@ from lerobot_bimanual.results.benchmark import (
 from lerobot_bimanual.results.episode import Episode, success_rate
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.expert_report import ExpertReport
-from lerobot_bimanual.results.protocols import N_TASKS
+from lerobot_bimanual.results.protocols import TASKS
 from lerobot_bimanual.results.record import BadRecord
 from lerobot_bimanual.terminal import print_table
 
@@ -63,9 +63,9 @@ def check_task(settings: BenchmarkSettings) -> None:
             f"trained_on is {settings.trained_on!r}, which does not contain {settings.task!r}; score one of: "
             f"{', '.join(learned)}"
         )
-    if settings.protocol == "multitask" and len(learned) != N_TASKS:
+    if settings.protocol == "multitask" and {*learned} != {*TASKS}:
         raise BimanualError(
-            f"trained_on is {settings.trained_on!r}, here {len(learned)} tasks, but {N_TASKS} in the protocol multitask: uninstall "
+            f"trained_on is {settings.trained_on!r}, here {len(learned)} tasks, but the {len(TASKS)} of PerAct2 in the protocol multitask: uninstall "
             "the others, or name tasks"
         )
 

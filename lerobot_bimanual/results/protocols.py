@@ -10,6 +10,22 @@ from types import MappingProxyType
 from typing import Any
 
 
+TASKS = (
+    *(
+        "dual_push_buttons",
+        "handover_item",
+        "handover_item_easy",
+        "lift_ball",
+        "lift_tray",
+        "pick_laptop",
+        "pick_plate",
+    ),
+    *("push_box", "put_bottle_in_fridge", "put_item_in_drawer", "straighten_rope", "sweep_to_dustpan"),
+    "take_tray_out_of_oven",
+)
+"""The tasks of the PerAct2 paper."""
+
+
 @dataclass(frozen=True)
 class Flags:
     """What a protocol fixes: flags of `policy benchmark`, as `BenchmarkSettings` has them."""
@@ -30,12 +46,12 @@ class Protocol(Flags):
     """One protocol.
 
     Attributes:
-        tasks: tasks of the protocol; empty for all.
+        tasks: tasks of the protocol; empty for any.
         perturb_of: task -> its own `perturb`, where an axis of the common one finds nothing to change in the task.
         rounds: factor by which the recipe's steps, and those between its checkpoints, are multiplied.
     """
 
-    tasks: tuple[str, ...] = ()
+    tasks: tuple[str, ...] = TASKS
     perturb_of: Mapping[str, str] = MappingProxyType({})
     rounds: int = 1
 
@@ -47,12 +63,10 @@ class Protocol(Flags):
 
 RULES = ("max_keyposes", "protective_stop")
 """Options of the environment that decide what happens in an episode; a protocol leaves them at their defaults."""
-N_TASKS = 13
-"""Tasks of the PerAct2 paper, from all of which the one network of `multitask` learns."""
 OWN = "own"
 """The protocol of a benchmark whose flags match no other protocol."""
 PROTOCOLS = {
-    OWN: Protocol(first_seed=0),  # the defaults of the flags
+    OWN: Protocol(first_seed=0, tasks=()),  # the defaults of the flags
     "standard": Protocol(),
     "few": Protocol(demos=20),
     "plans": Protocol(

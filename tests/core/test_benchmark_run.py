@@ -176,9 +176,13 @@ def test_trainings_on_demonstrations_of_other_seeds_share_protocol_and_baselines
     assert other.baseline("expert") == usual.baseline("expert")
 
 
+def task_of(protocol: str) -> str:
+    return "dual_push_buttons" if protocol == "pairings" else "lift_ball"
+
+
 def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
     for name, protocol in PROTOCOLS.items():
-        config = BenchmarkConfig("mine", task=(*protocol.tasks, "lift_ball")[0], protocol=name)
+        config = BenchmarkConfig("mine", task=task_of(name), protocol=name)
         settings = resolve(config)
         flags = protocol.flags(config.task)
         assert settings.protocol == name
@@ -192,6 +196,11 @@ def test_every_protocol_is_one_flag_and_no_other_contradicts_it(programs):
                 resolve(replace(config, setting="standard" if name == "varied" else "varied"))
     with pytest.raises(BimanualError, match="task of the protocol pairings is 'lift_ball'"):
         resolve(BenchmarkConfig("mine", protocol="pairings"))
+    with pytest.raises(
+        BimanualError, match="task of the protocol standard is 'stack', but must be one of: dual_push"
+    ):
+        resolve(BenchmarkConfig("mine", task="stack", protocol="standard"))
+    assert resolve(BenchmarkConfig("mine", task="stack", first_seed=4_000_000)).protocol == "own"
     with pytest.raises(BimanualError, match="protocol is 'few', but its flags are those of 'own'"):
         BenchmarkSettings.of(**dict(resolve(BenchmarkConfig("mine"))) | {"protocol": "few"})
 
@@ -215,10 +224,7 @@ def test_settings_that_a_benchmark_would_ignore_or_misread_are_refused(
 
 
 def test_protocols_that_differ_in_the_test_alone_share_demonstrations_and_training(programs):
-    plans = {
-        name: Plan.of(BenchmarkConfig("mine", task=(*each.tasks, "lift_ball")[0], protocol=name))
-        for name, each in PROTOCOLS.items()
-    }
+    plans = {name: Plan.of(BenchmarkConfig("mine", task=task_of(name), protocol=name)) for name in PROTOCOLS}
     standard, hard = plans.pop("standard"), plans.pop("hard")
     assert hard.generation() == standard.generation() == plans["own"].generation()
     assert hard.training() == standard.training() == plans.pop("own").training()
