@@ -13,7 +13,7 @@ import pandas as pd
 from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.reports.benchmark_page import ABSENT, board_table, read_results, results_table
 from lerobot_bimanual.results.benchmark import BenchmarkResult
-from lerobot_bimanual.results.comparison import Comparison
+from lerobot_bimanual.results.comparison import Comparison, check_comparable
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.reports.expert_tables import PAPER
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -54,7 +54,8 @@ def _results() -> str:
     """
     if not LEADERBOARD.is_dir():
         return NO_RESULTS
-    board = board_table(results_table(read_results(LEADERBOARD).values()))
+    check_comparable(results := read_results(LEADERBOARD))
+    board = board_table(results_table(results.values()))
     scored = board[board.drop(columns="policy").ne(ABSENT).any(axis=1)]
     is_policy = scored.policy.str.startswith("`")
     shown = scored.where(is_policy, scored.replace(r" \(.*", "", regex=True))

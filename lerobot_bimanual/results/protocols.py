@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any
 
-
 TASKS = (
     *(
         "dual_push_buttons",

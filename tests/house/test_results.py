@@ -16,11 +16,12 @@ from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.robustness import expert_robustness_page
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.expert_report import ExpertReport
+from lerobot_bimanual.results.protocols import TASKS
 from lerobot_bimanual.results.robustness import RobustnessResult, perturb_text, read_expert_robustness
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.sweep.conditions import conditions_of
-from lerobot_env_bimanual.tasks.registry import resolve_tasks
+from lerobot_env_bimanual.tasks.registry import list_tasks, resolve_tasks
 
 ROOT = Path(__file__).parents[2]
 PATHS = sorted(ROOT.glob("results/**/*_seed*.json"))
@@ -42,6 +43,11 @@ def test_the_page_of_results_is_that_of_the_rows(monkeypatch: pytest.MonkeyPatch
     assert page.read_text() == benchmark_page(read_results(folder), folder)
 
 
+def test_the_leaderboard_has_rows_of_benchmarks_only_and_its_protocols_the_tasks_of_this_repository():
+    assert {*BOARD} == {*(ROOT / "results/leaderboard").glob("*.json")}
+    assert list_tasks() == TASKS
+
+
 def test_every_row_and_sweep_is_of_the_world_of_the_experts():
     for path, row in ROWS.items():
         if not row.config.perturb:
@@ -59,7 +65,7 @@ def test_every_row_of_a_perturbed_test_is_of_the_present_world():
 
 
 SETTINGS = [resolve(BenchmarkConfig(policy, "push_box", seed=7)) for policy in sorted(entries(GROUP))]
-SETTINGS += [row.config for row in ROWS.values()]
+SETTINGS += [row.config for row in ROWS.values() if row.config.policy in entries(GROUP)]
 QUOTED = (
     "--policy.shift=[0.5,1] '--policy.more=a b' --policy.depth=3.0 --policy.head=null --policy.name=\"it's\""
 )
@@ -80,6 +86,8 @@ def test_the_command_that_is_printed_for_a_result_trains_and_scores_exactly_that
 def test_a_row_has_the_file_name_and_demonstrations_that_its_command_would_give():
     for path, row in ROWS.items():
         assert path.name == row.config.file_name
+        if row.config.policy not in entries(GROUP):
+            continue  # of another distribution
         words = Plan.of(shortest_config(row.config)).generation().words[3:]
         generated = dict(word.removeprefix("--").split("=", 1) for word in words)
         recorded = row.demonstrations.settings
@@ -88,8 +96,16 @@ def test_a_row_has_the_file_name_and_demonstrations_that_its_command_would_give(
         assert str(recorded["episodes"]) == generated["episodes"]
         assert str(recorded["height"]) == str(recorded["width"]) == generated["image_size"]
         assert recorded["depth"] == (generated.get("depth") != "false")
-        assert (recorded["perturb"], recorded["split"]) == (generated.get("perturb", ""), "train")
-        assert len(row.demonstrations.seeds) == row.config.demos
+        assert recorded["split"] == "train"
+        for name, usual in {"perturb": "", "setting": "standard", "plans": "one", "variation": "any"}.items():
+            assert recorded.get(name, usual) == generated.get(name, usual), path
+        assert str(recorded["first_seed"]) == generated.get("first_seed", "0")
+        assert recorded["tasks"] == generated["task"].split(",") or row.config.trained_on
+        seeds = row.demonstrations.seeds
+        assert len(seeds) == row.config.demos
+        assert len({*seeds}) == len(seeds) or row.config.demos_plans == "several"
+        assert row.options["image_size"] == row.config.image_size
+        assert row.checkpoint_step == row.config.steps or row.validation
 
 
 @pytest.mark.parametrize("folder", CHECKPOINTS, ids=lambda path: path.name)
