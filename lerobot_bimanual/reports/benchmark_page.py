@@ -18,7 +18,7 @@ from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.benchmark import INCIDENTAL, BenchmarkResult, Scored, read_scored
 from lerobot_bimanual.results.comparison import check_comparable, table_key
 from lerobot_bimanual.results.episode import success_rate, survival_rate
-from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.evaluation import EvaluationRecord, combined_version
 from lerobot_bimanual.results.protocols import OWN, PROTOCOLS
 from lerobot_bimanual.results.record import result_paths
 from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
@@ -53,6 +53,7 @@ def benchmark_page(results: Mapping[Path, Scored], folder: Path) -> str:
         folder=folder.as_posix(),
         board=board_table(table),
         success={name: success_table(lines) for name, lines in table.groupby("protocol", observed=True)},
+        worlds=worlds_table(results.values()),
         survival=survival_table(each for _, each in ordered),
         split=ordered[0][1].options["split"],
         training=_training_table(trained, beyond) if trained else None,
@@ -128,6 +129,27 @@ def success_table(table: Any) -> pd.DataFrame:
     shown["expert"] = [ABSENT if rate is None else str(rate.successes) for rate in baselines.expert]
     shown["open loop"] = [ABSENT if rate is None else _score(rate) for rate in baselines.open_loop]
     return shown.rename_axis("task").reset_index()
+
+
+def worlds_table(results: Iterable[Scored]) -> pd.DataFrame:
+    """What to cite, a line per protocol: version of its tasks' worlds, MuJoCo's, test seeds, and days of the tests."""
+    lines: dict[str, list[Scored]] = {}
+    for each in results:
+        lines.setdefault(_place(each)["protocol"], []).append(each)
+    rows = []
+    for name in (name for name in PROTOCOLS if name in lines):
+        seeds = [episode.seed for each in lines[name] for episode in each.episodes]
+        days = sorted(each.date for each in lines[name] if isinstance(each, BenchmarkResult))
+        rows.append(
+            {
+                "protocol": f"`{name}`",
+                "world": f"`{combined_version({_place(each)['task']: each.world for each in lines[name]})}`",
+                "MuJoCo": ", ".join(sorted({each.versions["mujoco"] for each in lines[name]})),
+                "test seeds": f"{min(seeds)} to {max(seeds)}",
+                "tested": ABSENT if not days else " to ".join(dict.fromkeys((days[0], days[-1]))),
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def survival_table(results: Iterable[Scored]) -> pd.DataFrame | None:

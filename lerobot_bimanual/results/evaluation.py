@@ -1,7 +1,8 @@
 """All episodes of one evaluation of one task, as a JSON file."""
 
+import hashlib
 import platform
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, PositiveInt
@@ -15,8 +16,15 @@ RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
 STANDARD = "standard"
 """The setting with the paper's things; only others are part of names."""
 
-WorldVersion = Annotated[str, Field(pattern="^[0-9a-f]{12}$")]
+VERSION_DIGITS = 12
+WorldVersion = Annotated[str, Field(pattern=f"^[0-9a-f]{{{VERSION_DIGITS}}}$")]
 """Version of what a task's world does, as its expert reports have it."""
+
+
+def combined_version(worlds: Mapping[str, str]) -> str:
+    """One version for the worlds of several tasks, given each one's."""
+    text = "\n".join(f"{task} {worlds[task]}" for task in sorted(worlds))
+    return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
 
 
 class EvaluationHead(Record):

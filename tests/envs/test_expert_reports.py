@@ -8,13 +8,14 @@ from sample_results import LIGHT, outcome, outcomes
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.results.evaluation import VERSION_DIGITS, combined_version
 from lerobot_bimanual.results.expert_report import EXPERTS, PLAYERS, ExpertReport, MoveReport
 from lerobot_env_bimanual.commands.expert_report import ExpertReportConfig, expert_report
 from lerobot_env_bimanual.conditions import AtRest
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.report import MAX_RATES, make_report, violations
 from lerobot_env_bimanual.experts.runner import expert, run_episode
-from lerobot_env_bimanual.experts.world_version import VERSION_DIGITS, combined_version, world_version
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.motion import planner
 from lerobot_env_bimanual.options import SETTINGS, STANDARD, VARIED
 from lerobot_env_bimanual.reports.expert_tables import (

@@ -16,7 +16,7 @@ import itertools
 import logging
 import multiprocessing
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,7 @@ from tqdm import tqdm
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions, libc_mismatch
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
+from lerobot_bimanual.results.evaluation import VERSION_DIGITS
 from lerobot_env_bimanual.conditions import OnTheWay
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import draw_episode
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 CERTIFIED_MUJOCO = "3.17.0"
 """Version of MuJoCo for whose worlds this repository has expert reports and results."""
 PROBE_SPLIT, PROBE_SEED = "val", 0
-VERSION_DIGITS = 12
 SILENT_S = 2.0
 """Worlds are versioned without a progress bar for this long."""
 
@@ -100,12 +100,6 @@ def _say_if_uncertified() -> None:
 def simulation_versions() -> dict[str, str]:
     """Versions of everything that decides the outcome of an episode."""
     return installed_versions(SIMULATION_PACKAGES) | {"python": platform.python_version()}
-
-
-def combined_version(worlds: Mapping[str, str]) -> str:
-    """One version for several tasks, given each one's."""
-    text = "\n".join(f"{task} {worlds[task]}" for task in sorted(worlds))
-    return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
 
 
 def world_versions(tasks: Iterable[str], perturb: str = "", setting: str = STANDARD) -> dict[str, str]:

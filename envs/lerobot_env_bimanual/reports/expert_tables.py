@@ -13,6 +13,7 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.errors import BimanualError, plain, shown
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.episode import LoadMetrics, success_rate
+from lerobot_bimanual.results.evaluation import combined_version
 from lerobot_bimanual.results.expert_report import (
     PLAYERS,
     EpisodeOutcome,
@@ -22,7 +23,6 @@ from lerobot_bimanual.results.expert_report import (
 )
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import BOUNDS
-from lerobot_env_bimanual.experts.world_version import combined_version
 from lerobot_env_bimanual.options import SETTINGS, STANDARD
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
