@@ -41,7 +41,7 @@ UNSOLVED_BY_ONE_ARM = (
     ("lift_ball", "left"),
     ("straighten_rope", "left"),
 )
-"""The others, and the arm that gets furthest."""
+"""The others, and the arm that gets furthest; joint targets found by search get further (docs/environment.md)."""
 
 type Way = Callable[[BimanualEnv], Moves]
 

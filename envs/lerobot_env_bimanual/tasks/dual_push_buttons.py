@@ -1,7 +1,8 @@
 """Push the two named buttons.
 
 The paper counts it among the tasks that one arm cannot do, since both buttons have to be down at the same time. Buttons
-are at least 38 cm apart; one hand, laid flat from fingertips to wrist, can press two buttons up to 36 cm apart.
+are at least 38 cm apart; one hand, laid flat from fingertips to wrist, can press two buttons up to 36 cm apart. Hand and forearm
+can press some that are up to 42 cm apart, in postures found by search (docs/environment.md).
 
 Without the instruction, the two buttons cannot be known: the same three colours occur with different answers in any
 layout (guessing is right in 40 %).

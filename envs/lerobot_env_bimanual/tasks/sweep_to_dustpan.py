@@ -3,7 +3,8 @@
 One hand leads the broom while the other holds the pan that it sweeps into. The instruction names the dirt alone, but the pan
 is light and glides: unless it is held, the first lumps that climb its lip push it away before the broom. The dirt must
 be swept: no arm may touch it, and the pan may not be pushed under it. Strokes that stop before the pan roll the lumps in
-without moving it, so the right hand has to hold the pan as long as any lump lies inside.
+without moving it, so the right hand has to hold the pan as long as any lump lies inside. One way remains: the right hand
+sweeps the lumps into a row and stands the pan upright before it, in 3 of 12 scenes (docs/environment.md).
 
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to contain the dirt,
 wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the latter turned by up to 15
