@@ -77,6 +77,13 @@ def test_the_same_weights_are_not_a_second_training_but_may_score_several_tasks(
         results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
 
 
+def test_a_copy_of_a_record_is_not_a_second_training(tmp_path):
+    for name in ("one", "two"):
+        RESULT.evaluation.model_copy(update={"policy": {"type": "mine"}}).write(tmp_path / f"{name}.json")
+    with pytest.raises(BimanualError, match=r"two\.json has the episodes of .*one\.json"):
+        results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
+
+
 def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_path, capsys):
     for task in ("lift_ball", "push_box"):
         for policy, outcomes in (("mine", "xxxx"), ("other", "....")):
