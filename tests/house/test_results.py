@@ -15,6 +15,7 @@ from lerobot_bimanual.files import sha256
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.robustness import expert_robustness_page
 from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.expert_report import ExpertReport
 from lerobot_bimanual.results.protocols import TASKS
 from lerobot_bimanual.results.robustness import RobustnessResult, perturb_text, read_expert_robustness
@@ -28,6 +29,7 @@ PATHS = sorted(ROOT.glob("results/**/*_seed*.json"))
 ROWS = {path: BenchmarkResult.read(path) for path in PATHS}
 SWEEPS = {path: RobustnessResult.read(path) for path in ROOT.glob("results/**/robustness/*.json")}
 BOARD = {path: row for path, row in ROWS.items() if path.parent.name == "leaderboard"}
+RECORDS = {path: EvaluationRecord.read(path) for path in ROOT.glob("results/**/*_record.json")}
 ROWS_PLAYED = 20
 """So that the test takes no longer the more rows there are."""
 REPORTS = ROOT.glob("results/expert_reports/*/expert.json")
@@ -48,10 +50,13 @@ def test_the_leaderboard_has_rows_of_benchmarks_only_and_its_protocols_the_tasks
     assert list_tasks() == TASKS
 
 
-def test_every_row_and_sweep_is_of_the_world_of_the_experts():
+def test_every_row_record_and_sweep_is_of_the_world_of_the_experts():
     for path, row in ROWS.items():
         if not row.config.perturb:
             assert row.world == WORLDS[row.config.setting][row.task], path
+    for path, record in RECORDS.items():
+        if not record.options["perturb"]:
+            assert record.world == WORLDS[record.options["setting"]][record.task], path
     for path, sweep in SWEEPS.items():
         assert sweep.nominal.world == WORLDS[sweep.config.options["setting"]][sweep.task], path
 
