@@ -103,7 +103,7 @@ def run_program(
         except Exception as error:
             if os.environ.get(TRACEBACK_VARIABLE) == "1":
                 raise
-            said = " ".join((str(error) + _disk_behind(error)).split())
+            said = " ".join((str(error) + _refusal_of_cache(error)).split())
             raise BimanualError(
                 f"{type(error).__name__}: {said} ({TRACEBACK_VARIABLE}=1 shows where)"
             ) from error
@@ -112,12 +112,13 @@ def run_program(
     return run_reporting_errors(program, main)
 
 
-def _disk_behind(error: Exception) -> str:
-    """What a disk refused that is behind an error of LeRobot's data loader, and the remedy; "" if none did."""
+def _refusal_of_cache(error: Exception) -> str:
+    """Why the cache of datasets could not be written, if that is behind an error of LeRobot, and the remedy; else ""."""
     cause: BaseException = error
     while cause.__cause__ is not None:
         cause = cause.__cause__
-    if not isinstance(cause, OSError) or cause.errno not in DISK_REFUSALS:
+    is_refusal = isinstance(cause, OSError) and cause.errno in DISK_REFUSALS
+    if not is_refusal or not (type(error).__module__.startswith("datasets.") or "huggingface" in str(cause)):
         return ""
     reason = "" if cause is error else f": {cause}"
     return f"{reason}; LeRobot copies datasets to HF_DATASETS_CACHE, by default in ~/.cache/huggingface: empty or move it"

@@ -120,10 +120,10 @@ def check_trainings(results: Results) -> None:
     for path, result in results.items():
         is_record = isinstance(result, EvaluationRecord)
         weights = result.policy.get("sha256", "") if is_record else result.checkpoint_sha256
-        played = " ".join(each.proof.end for each in result.episodes if each.proof)
-        key = (result.eval_key, result.policy_id, str(weights or played))
+        what = "weights" if weights else "episodes"
+        identity = weights or " ".join(each.proof.end for each in result.episodes if each.proof)
+        key = (result.eval_key, result.policy_id, str(identity))
         if (other := first.setdefault(key, path)) != path:
-            what = "weights" if weights else "episodes"
             raise BimanualError(
                 f"{path} has the {what} of {other}, so it is not another training; remove one of the files"
             )

@@ -2,8 +2,10 @@
 
 import json
 import sys
+from unittest.mock import Mock
 
 import pytest
+from datasets.exceptions import DatasetGenerationError
 from programs import run
 
 from lerobot_bimanual.cli import lerobot_program
@@ -67,8 +69,9 @@ def test_lerobots_programs_say_that_it_is_not_installed(monkeypatch, capsys) -> 
 
 def test_a_full_disk_behind_an_error_of_lerobots_loader_is_named_with_the_remedy(monkeypatch, capsys) -> None:
     def load(_: object) -> None:
-        raise RuntimeError("An error occurred while generating the dataset") from OSError(28, "No space left")
+        raise DatasetGenerationError("An error occurred while generating the dataset") from full
 
+    full = OSError(28, "No space left")
     monkeypatch.setattr("sys.argv", ["lerobot-bimanual-train"])
     assert lerobot_program.run_program("lerobot-bimanual-train", check=bool, work=load, progress=False) == 1
     said = capsys.readouterr().err
@@ -76,3 +79,7 @@ def test_a_full_disk_behind_an_error_of_lerobots_loader_is_named_with_the_remedy
         "while generating the dataset: [Errno 28] No space left; LeRobot copies datasets to HF_DATASETS_CACHE"
         in said
     )
+    monkeypatch.setattr("sys.argv", ["lerobot-bimanual-train"])
+    denied = Mock(side_effect=PermissionError(13, "Permission denied", "outputs/mine"))
+    assert lerobot_program.run_program("lerobot-bimanual-train", check=bool, work=denied, progress=False) == 1
+    assert "HF_DATASETS_CACHE" not in capsys.readouterr().err

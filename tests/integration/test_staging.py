@@ -1,6 +1,7 @@
 """Nothing finished is lost, nothing foreign is touched, and a dataset is complete only if all of it is as published."""
 
 import errno
+import os
 import shutil
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate, make_dataset, settings_of
-from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors, staged
+from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors, staged
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +96,17 @@ def test_a_full_disk_is_one_clear_error_and_keeps_what_is_finished(begun, record
         make_dataset(settings_of(config), config.root, records_here())
     assert [path.name for path in (folder / "shards").iterdir()] == ["000000"]
     assert not list(folder.glob("tmp-*"))
+
+
+def test_others_may_use_a_finished_shard_as_the_umask_says(tmp_path) -> None:
+    before = os.umask(0o007)
+    try:
+        with new_folder(tmp_path) as folder:
+            (folder / "video.mp4").touch(0o600)
+            place_shard(folder, shard := tmp_path / "000000")
+    finally:
+        os.umask(before)
+    assert [path.stat().st_mode & 0o777 for path in (shard, shard / "video.mp4")] == [0o770, 0o660]
 
 
 def test_only_a_full_disk_is_reported_as_a_full_disk(tmp_path, monkeypatch) -> None:
